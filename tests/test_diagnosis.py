@@ -12,9 +12,10 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._answer import learned
-from omnijax.diagnosis._answer.learned import Unexplained, _Fitting, ports_of
+from omnijax.diagnosis._answer.learned import Unexplained, ports_of
 from omnijax.diagnosis._answer.misshapen import _left, _own_functions
 from omnijax.diagnosis._answer.near_laws import near_laws
+from omnijax.diagnosis._answer.term_fit import TermFit
 from omnijax.diagnosis._machine.candidates import untried
 from omnijax.diagnosis._search import tangent_rows
 from omnijax.laws import EFFECTS
@@ -149,7 +150,7 @@ def around(none):
 def test_columns_of_a_learned_term_are_its_differences(around, port):
     """Of weights about zero, and of the baseline: what the fit of the term steps by."""
     model, unexplained, ports = around
-    fitting = _Fitting(model, unexplained, ports[port])
+    fitting = TermFit(model, unexplained, ports[port])
     now, inputs = fitting.left(fitting.term, "train")
     count = len(fitting.term.weights)
     table, few = fitting._columns(inputs), {0, 4, count // 2, count - 1}
@@ -169,7 +170,7 @@ def test_a_term_that_is_planted_is_learned_with_its_band(around, port):
     """Two drawn coefficients of a port, strong enough to stand out, in the rows of all runs."""
     model, unexplained, ports = around
     rng = np.random.default_rng(list(PORTS).index(port))
-    one = _Fitting(model, unexplained, ports[port])
+    one = TermFit(model, unexplained, ports[port])
     table = one._columns(one.left(one.term, "train")[1])
     live = np.flatnonzero(np.linalg.norm(table[: len(one.term.weights)], axis=1) > 0)
     chosen = rng.choice(live, 2, replace=False)
@@ -179,7 +180,7 @@ def test_a_term_that_is_planted_is_learned_with_its_band(around, port):
     for split, rest in unexplained.rest.items():
         planted[split] = 2 * rest - one.left(one.term.moved(true), split)[0]
     moved = dataclasses.replace(unexplained, rest=planted, before=planted["held-out"])
-    fitting = _Fitting(model, moved, ports[port]).run()
+    fitting = TermFit(model, moved, ports[port]).run()
     assert fitting.closed > 0.8
     for j in chosen:
         others = np.delete(table, j, 0).T
@@ -287,7 +288,7 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
         def strongest(self):
             return []
 
-    monkeypatch.setattr(learned, "_Fitting", Fitting)
+    monkeypatch.setattr(learned, "TermFit", Fitting)
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: [Fitting.port])
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
@@ -316,7 +317,7 @@ def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
         SimpleNamespace(port=name, cost=cost, closed=closed, networked=False)
         for name, cost, closed in (("a", 5.0, 0.9), ("b", 3.0, 0.8), ("c", 1.0, -0.1))
     ]
-    monkeypatch.setattr(learned, "_Fitting", Fitting)
+    monkeypatch.setattr(learned, "TermFit", Fitting)
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: ports)
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
@@ -332,6 +333,24 @@ def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases
     assert found.learned["port"] == "contact"
     assert found.learned["closed"] > 0.9
     assert found.where
+
+
+@pytest.mark.full
+def test_a_drag_with_the_square_of_the_speed_is_no_viscous_one(plant, tmp_path):
+    """A viscous one explains 99 % of it; what is left is the function, of which a term is one."""
+    rng = np.random.default_rng(31)
+    stated = plant.machine(rng)
+    true = plant.perturbed(rng, stated)
+    drives = [plant.torques(true, plant.wander(rng, SECONDS)) for _ in range(3)]
+    planted = {"square": np.array([0.0, 2e-4, 0.0])}
+    runs = plant.record(stated, true, planted, np.stack(drives), rng)
+    plant.write_case(tmp_path / "drag", stated, runs)
+    found = diagnose(tmp_path / "drag")
+    assert found.verdict == "unknown" and "|x| x of w2" in found.notes[0]
+    assert found.learned is not None and found.learned["port"] == "shaft"
+    (term,) = [x for x in found.learned["terms"] if abs(x["coefficient"]) > 20 * x["sigma"]]
+    assert (term["place"], term["input"]) == ("w2", "|x| x")
+    assert found.learned["nearest"][0]["id"] == "bearing-viscous"
 
 
 @pytest.mark.full

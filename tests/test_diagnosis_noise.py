@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
+from omnijax.diagnosis._answer.evidence import Misshapen
 from omnijax.diagnosis._answer.fitted_runs import shown_by_fitted_runs_alone
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
@@ -160,7 +161,8 @@ def answer(ratio: float, structure: float, after: float, effects=(), trials=()) 
     return judged(ratio, structure, after, effects, trials).verdict
 
 
-def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out", left_out=None):
+def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out", left_out=None,
+           bent=()):  # fmt: skip
     """Judged where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
     fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
     found = SimpleNamespace(
@@ -174,7 +176,7 @@ def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-ou
     level = Level(ratio, 0.01, ratio)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
     first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
-    return judge(found, shown, first, last, confirmed_on=confirmed_on)
+    return judge(found, shown, first, last, confirmed_on=confirmed_on, bent=bent)
 
 
 def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
@@ -183,6 +185,15 @@ def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
     assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
     assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
     assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+def test_no_law_is_named_beside_which_another_function_of_its_input_is_left():
+    bent = [Misshapen("bearing-viscous@w2", "|x| x of w2", 0.09)]
+    said = judged(ratio=1.0, structure=0.2, after=1.1, effects=("x",), bent=bent)
+    assert said.verdict == "unknown"
+    assert "beside bearing-viscous@w2" in said.reason and "9 % of what it explains" in said.reason
+    gap = judged(ratio=1.0, structure=3.0, after=2.5, effects=("x",), bent=bent)
+    assert "close" in gap.reason and gap.reason.count("|x| x of w2") == 1
 
 
 def test_of_an_effect_that_was_confirmed_and_left_out_nobody_says_that_none_was_confirmed():

@@ -18,7 +18,8 @@ from .._search import (
 )
 from .._settings import SETTINGS
 from .evidence import Misshapen
-from .learned import FAR, RIDGE, ports_of, pushed, worthwhile
+from .learned import ports_of
+from .term_fit import FAR, RIDGE, pushed, worthwhile
 from .term_port import AbstractPort
 
 SURELY = SETTINGS.steadiness.surely

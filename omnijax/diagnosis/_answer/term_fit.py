@@ -1,0 +1,274 @@
+"""The fit of a term beside a baseline: functions join as they pay for themselves."""
+
+import copy
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .._machine import Linearisation, RigModel
+from .._search import Fit, Point, refit
+from .._settings import SETTINGS
+from .._threads import each
+from .term import Term, with_network
+from .term_port import AbstractPort, TermGrid
+
+ROUNDS = SETTINGS.answer_learned.rounds
+INNER = SETTINGS.answer_learned.inner
+FAR = SETTINGS.answer_learned.far
+ENOUGH = SETTINGS.answer_learned.enough
+DAMPINGS = SETTINGS.answer_learned.dampings
+STEP = SETTINGS.answer_learned.step
+MATTERS = SETTINGS.answer_learned.matters
+APART = SETTINGS.answer_learned.apart
+DRAWN = SETTINGS.answer_learned.drawn
+OTHERS = SETTINGS.answer_learned.others
+RIDGE = {"basis": SETTINGS.answer_learned.ridge, "network": SETTINGS.answer_learned.network}
+
+
+class Curve(NamedTuple):
+    """A part of a term over its own input, with 1-sigma of it, in the port's units."""
+
+    x: np.ndarray
+    y: np.ndarray
+    sigma: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Unexplained:
+    """What every port's term is fitted around: the baseline's runs, residuals and tangents."""
+
+    u: np.ndarray
+    bases: dict[str, list[Linearisation]]
+    rest: dict[str, np.ndarray]
+    tangents: dict[str, np.ndarray]
+    before: np.ndarray  # held-out rows of the fit itself
+
+    @staticmethod
+    def of(model: RigModel, fit: Fit) -> "Unexplained":
+        """The baseline of a fit on train and held-out runs.
+
+        What is `limited` (the offsets of clocks, driven about by what is unexplained) is held at
+        what is stated, where the ports' responses are, the rest fitted beside it; it shifts with
+        the term.
+        """
+        splits = ("train", "held-out")
+        point = _with_limited_held(model, fit.point)
+        return Unexplained(
+            point.u,
+            {s: model.bases(point, s) for s in splits},
+            {s: model.residuals([point], s)[0] for s in splits},
+            {s: _tangents(model, point, s) for s in splits},
+            model.residuals([fit.point], "held-out")[0],
+        )
+
+
+class TermFit:
+    """Gauss-Newton of a term and the baseline's shift; the term feels what it does itself."""
+
+    def __init__(self, model: RigModel, around: Unexplained, port: AbstractPort):
+        self.model, self.around, self.port = model, around, port
+        self.shift = np.zeros(len(model.priors))
+        raw = np.concatenate([port.inputs(b) for b in around.bases["train"]])
+        weights = np.zeros(len(port.columns(raw[:2])))
+        self.term = Term(port, port.scales(raw), weights)
+        self.active = np.zeros(len(weights), bool)  # which functions of the basis are in
+        self.spread = np.zeros((0, 0))  # covariance of all weights, before what is left counts
+
+    def run(self, start: "TermFit | None" = None) -> "TermFit":
+        """Fit; from a `start` with a network beside its basis."""
+        before = float(self.around.before @ self.around.before)
+        if start is not None:
+            self.term, self.shift = with_network(start.term, start.inputs), start.shift
+            self.active = start.active
+        here = self.left(self.term, "train")
+        for _ in range(ROUNDS):
+            gain, here = self.improve(*here)
+            if gain < ENOUGH:
+                break
+        self.after = {"train": here[0], "held-out": self.left(self.term, "held-out")[0]}
+        held = float(self.after["held-out"] @ self.after["held-out"])
+        self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
+        self.inputs = np.concatenate(here[1])
+        chi2, u = float(here[0] @ here[0]), self.around.u + self.shift
+        self.cost = chi2 + float(u @ u) + float(np.log(len(here[0]))) * int(self.active.sum())
+        self.spread *= max(1.0, chi2 / self.model.dof("train"))
+        return self
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """1-sigma (weights,) of the basis' coefficients."""
+        return np.sqrt(np.diag(self.spread)[: len(self.term.weights)])
+
+    def curve(self, grid: TermGrid) -> Curve:
+        """A part of the term along a grid, with its band: the mean over what else varies.
+
+        Source: partial dependence (Friedman, Greedy function approximation, 2001).
+        """
+        some = self.inputs[:: max(1, len(self.inputs) // OTHERS)]
+        u = np.repeat(some[:, None], len(grid.x), axis=1)  # (others, points, k)
+        for k, values in grid.varied.items():
+            u[:, :, k] = values
+        flat = u.reshape(-1, u.shape[2])
+
+        def mean(x: np.ndarray) -> np.ndarray:
+            return x[:, grid.part].reshape(len(some), -1).mean(axis=0)
+
+        J = np.stack([mean(x) for x in self.term.tangents(flat)])
+        band = np.sqrt(np.maximum(np.einsum("kt,kl,lt->t", J, self.spread, J), 0.0))
+        return Curve(grid.x, mean(self.term.force(flat)), band)
+
+    def grid(self, part: int) -> TermGrid:
+        """The grid of the input that a part hangs on most, of those like its own."""
+        port, some = self.port, self.inputs[:: max(1, len(self.inputs) // DRAWN)]
+        inputs = port.like_own(part)
+        missed = self.missed(some, part, inputs)
+        return port.grid(part, self.term.scales, inputs[int(np.argmax(missed))])
+
+    def missed(self, u: np.ndarray, part: int, inputs: Sequence[int]) -> list[float]:
+        """What a part of the term loses of its square by each of some inputs being 0."""
+        whole = self.term.force(u)[:, part]
+        without = (self.term.force(u * (np.arange(u.shape[1]) != k))[:, part] for k in inputs)
+        return [float(np.sum((whole - x) ** 2)) for x in without]
+
+    def change(self, parts: Sequence[int] | None = None) -> np.ndarray:
+        """What the term, or some of its parts, changes of the fitted runs' rows."""
+        out = []
+        for base, u in zip(self.around.bases["train"], self._inputs_by_run(), strict=True):
+            force = self.term.force(u)
+            if parts is not None:
+                force = force * np.isin(np.arange(force.shape[1]), parts)
+            rows = self.model.machine.rows[base.index]
+            out.append(rows.project(rows.vector(*self.port.push(base, force))))
+        return np.concatenate(out)
+
+    def _inputs_by_run(self) -> list[np.ndarray]:
+        counts = [len(self.port.inputs(base)) for base in self.around.bases["train"]]
+        return np.split(self.inputs, np.cumsum(counts)[:-1])
+
+    def strongest(self) -> list[int]:
+        """The parts that change the rows most, of one unit, the strongest first."""
+        sizes = [np.linalg.norm(self.change([i])) for i in range(len(self.port.parts))]
+        order = [int(i) for i in np.argsort(sizes)[::-1] if sizes[i] >= MATTERS * max(sizes)]
+        return [i for i in order if self.port.units(i) == self.port.units(order[0])]
+
+    def left(self, term: Term, split: str, shift=None):
+        """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
+
+        def one(base: Linearisation):
+            felt, force, u = None, np.zeros(0), np.zeros(0)
+            for turn in range(INNER):
+                u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
+                force = term.force(u)
+                felt = term.port.felt(base, force) if turn < INNER - 1 else None
+                if felt is None:
+                    break
+            rows = self.model.machine.rows[base.index]
+            return rows.project(rows.vector(*term.port.push(base, force))), u
+
+        parts, inputs = zip(*each(one, self.around.bases[split]), strict=True)
+        shift = self.shift if shift is None else shift
+        rest, tangents = self.around.rest[split], self.around.tangents[split]
+        return rest - np.concatenate(parts) + tangents @ shift, list(inputs)
+
+    def improve(self, now: np.ndarray, inputs: list[np.ndarray]):
+        """One damped step from train rows `now` and the term's `inputs` there.
+
+        The share of the misfit that it takes away, and rows and inputs after it.
+        """
+        table = self._columns(inputs)
+        P, extra = len(self.shift), len(table) - len(self.shift)
+        scale = np.linalg.norm(table[:extra], axis=1)
+        scale[scale == 0] = 1.0
+        table[:extra] /= scale[:, None]
+        gram, right = table @ table.T, table @ now
+        right[extra:] -= self.around.u + self.shift
+        k, free = len(self.term.weights), np.ones(len(table), bool)
+        ridge = np.repeat([RIDGE["basis"], RIDGE["network"]], [k, extra - k])
+        price = float(np.log(len(now))) * max(1.0, float(now @ now) / self.model.dof("train"))
+        free[:k] = self.active
+        prior = np.diag(np.concatenate([ridge, np.ones(P)]))
+        free = worthwhile(gram + prior, right, free, price)
+        self.active, free = free[:k], np.flatnonzero(free)
+        inner = np.ix_(free, free)
+        self.spread, step = np.zeros((len(table), len(table))), np.zeros(len(table))
+        self.spread[inner] = np.linalg.inv((gram + prior)[inner])
+        self.spread = self.spread[:extra, :extra] / np.outer(scale, scale)
+        for damping in DAMPINGS:
+            weights = np.diag(np.concatenate([ridge * damping, np.ones(P)]))
+            step[free] = np.linalg.solve((gram + weights)[inner], right[free])
+            term, shift = self.term.moved(step[:extra] / scale), self.shift + step[extra:]
+            new, felt = self.left(term, "train", shift)
+            if new @ new <= now @ now:
+                self.term, self.shift = term, shift
+                return 1 - float(new @ new) / float(now @ now), (new, felt)
+        return 0.0, (now, inputs)
+
+    def _columns(self, inputs: list[np.ndarray]) -> np.ndarray:
+        """Changes of the train rows (weights + priors, rows) with every weight and every prior."""
+        bases, machine = self.around.bases["train"], self.model.machine
+        ends = np.cumsum([0, *(machine.rows[base.index].size for base in bases)])
+        forces = len(self.term.tangents(inputs[0][:1]))
+        table = np.empty((forces + len(self.shift), ends[-1]))
+        table[forces:] = -self.around.tangents["train"].T
+
+        def fill(k: int) -> None:
+            part = table[:forces, ends[k] : ends[k + 1]]
+            pushed(self.model, self.port, bases[k], self.term.tangents(inputs[k]), part)
+
+        each(fill, range(len(bases)))
+        return table
+
+
+def pushed(
+    model: RigModel, port: AbstractPort, base: Linearisation, outputs: Sequence[np.ndarray],
+    into: np.ndarray,
+) -> None:  # fmt: skip
+    """What `outputs` (k of (points, parts)) of a port change of a run's rows, `into` (k, rows)."""
+    rows = model.machine.rows[base.index]
+    for row, output in zip(into, outputs, strict=True):
+        row[:] = rows.vector(*port.push(base, output))
+    rows.take_off(into)
+
+
+def worthwhile(gram: np.ndarray, right: np.ndarray, free: np.ndarray, price: float) -> np.ndarray:
+    """Which columns a least-squares step may use: `free` ones, and others as they pay their price.
+
+    `gram` (k, k) and `right` (k,) are its normal equations.  One after the other joins, by more
+    than `price`, that lowers the cost most; of those within the price of it the first.
+    """
+    free = free.copy()
+    length = np.diag(gram)
+    while not free.all():
+        rest, apart = right, length
+        if free.any():
+            inner = np.linalg.inv(gram[np.ix_(free, free)])
+            rest = right - gram[:, free] @ (inner @ right[free])
+            apart = length - np.einsum("ka,ab,kb->k", gram[:, free], inner, gram[:, free])
+        new = ~free & (apart > APART * length)
+        gain = np.where(new, rest**2 / np.where(new, apart, 1.0), 0.0)
+        if gain.max() < price:
+            break
+        free[int(np.argmax(gain >= max(price, gain.max() - price)))] = True
+    return free
+
+
+def _with_limited_held(model: RigModel, point: Point) -> Point:
+    """The point fitted again with what is `limited` at what is stated."""
+    limited = [p.limited for p in model.priors]
+    if not np.any(point.u[limited]):
+        return point
+    held = copy.copy(model)
+    held.priors = [dataclasses.replace(p, hard=0.0) if p.limited else p for p in model.priors]
+    return refit(held, Point(np.where(limited, 0.0, point.u), point.effects)).point
+
+
+def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
+    """d residual / du on the runs of a split."""
+    (residual,) = model.residuals([point], split)
+    P = len(point.u)
+    points = [Point(point.u + STEP * e, point.effects) for e in np.eye(P)]
+    with model.aside():
+        moved = model.residuals(points, split) if P else []
+    return np.stack([(r - residual) / STEP for r in moved], 1) if P else residual[:, None][:, :0]
