@@ -107,9 +107,9 @@ def _left(
     if chance(gain / spread, len(use)) * len(right) ** len(use) > SURELY:
         return 0.0, 0
     tall = np.concatenate([J, np.eye(len(u), J.shape[1])])
+    tall_scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
     done = np.concatenate([C[:, use] @ sizes, np.zeros(len(u))])
-    shift = np.linalg.lstsq(tall / np.linalg.norm(tall, axis=0), done, rcond=None)[0]
-    shift = shift / np.linalg.norm(tall, axis=0)
+    shift = np.linalg.lstsq(tall / tall_scale, done, rcond=None)[0] / tall_scale
     scaled = columns["held-out"] / np.where(scale > 0, scale, 1.0)
     after = held - scaled[:, use] @ sizes + to_project(model, there, fit.point.u)[0] @ shift
     if not HeldOut.of(held, after).confirms(gain, model.settings):
