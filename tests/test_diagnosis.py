@@ -17,7 +17,7 @@ from omnijax.diagnosis._answer.misshapen import _left, _own_functions
 from omnijax.diagnosis._answer.near_laws import near_laws
 from omnijax.diagnosis._answer.term_fit import TermFit
 from omnijax.diagnosis._machine.candidates import untried
-from omnijax.diagnosis._search import tangent_rows
+from omnijax.diagnosis._search import Point, tangent_rows
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
@@ -193,6 +193,15 @@ def test_a_term_that_is_planted_is_learned_with_its_band(around, port):
     assert np.all(np.isfinite(curve.y)) and np.all(curve.sigma >= 0)
 
 
+def test_no_term_is_credited_with_what_the_baseline_closes_alone(none):
+    """A case of one wheel was told "closes 100 %" by seven coefficients of 0."""
+    model, fit = none.details["model"], none.details["found"].fit
+    k = next(i for i, p in enumerate(model.priors) if not p.limited)
+    off = dataclasses.replace(fit, point=Point(fit.point.u + 3.0 * np.eye(len(model.priors))[k]))
+    left = [Unexplained.of(model, f).before for f in (off, fit)]
+    assert left[0] @ left[0] == pytest.approx(left[1] @ left[1], rel=0.02)
+
+
 def test_the_nearest_law_of_a_change_is_the_one_that_makes_it(none):
     model, search = none.details["model"], none.details["found"]
     scores = [s for s in search.scans[0].best_per_name() if not s.dead]
@@ -276,6 +285,7 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
 
     class Fitting:
         closed, after, cost, sigma = closes, {"held-out": None}, 0.0, np.zeros(0)
+        active = np.ones(1, bool)
         port = SimpleNamespace(networked=False, port="sensor")
         term = SimpleNamespace(port=port)
 
@@ -298,13 +308,17 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
 
 
 def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
-    """Held-out runs may refuse a term, but of those that they allow they choose none."""
+    """Held-out runs may refuse a term, but of those that they allow they choose none.
+
+    Nor is one that has no function credited with what the baseline closes without it.
+    """
 
     class Fitting:
         after, sigma = {"held-out": None}, np.zeros(0)
 
         def __init__(self, _, __, port):
             self.port, self.cost, self.closed = port, port.cost, port.closed
+            self.active = np.array([port.port != "d"])
             self.term = SimpleNamespace(port=port)
 
         def run(self, *_):
@@ -315,7 +329,7 @@ def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
 
     ports = [
         SimpleNamespace(port=name, cost=cost, closed=closed, networked=False)
-        for name, cost, closed in (("a", 5.0, 0.9), ("b", 3.0, 0.8), ("c", 1.0, -0.1))
+        for name, cost, closed in (("a", 5, 0.9), ("b", 3, 0.8), ("c", 1, -0.1), ("d", 0, 0.9))
     ]
     monkeypatch.setattr(learned, "TermFit", Fitting)
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)

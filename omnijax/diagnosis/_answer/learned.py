@@ -99,7 +99,7 @@ def learn(
     for port in ports_of(model):
         fittings.append(TermFit(model, around, port).run())
         tell(f"learned term at {port.port}: closes {100 * fittings[-1].closed:.0f} % of the gap")
-    fittings = [f for f in fittings if f.closed > 0]
+    fittings = [f for f in fittings if f.closed > 0 and f.active.any()]
     if not fittings:
         return None
     best = min(fittings, key=lambda f: f.cost)

@@ -43,7 +43,7 @@ class Unexplained:
     bases: dict[str, list[Linearisation]]
     rest: dict[str, np.ndarray]
     tangents: dict[str, np.ndarray]
-    before: np.ndarray  # held-out rows of the fit itself
+    before: np.ndarray  # held-out rows of the fit itself, or of what it shifts to without a term
 
     @staticmethod
     def of(model: RigModel, fit: Fit) -> "Unexplained":
@@ -55,13 +55,16 @@ class Unexplained:
         """
         splits = ("train", "held-out")
         point = _with_limited_held(model, fit.point)
-        return Unexplained(
-            point.u,
-            {s: model.bases(point, s) for s in splits},
-            {s: model.residuals([point], s)[0] for s in splits},
-            {s: _tangents(model, point, s) for s in splits},
+        rest = {s: model.residuals([point], s)[0] for s in splits}
+        tangents = {s: _tangents(model, point, s) for s in splits}
+        T = tangents["train"]
+        shift = -np.linalg.solve(T.T @ T + np.eye(T.shape[1]), T.T @ rest["train"] + point.u)
+        before = (
             model.residuals([fit.point], "held-out")[0],
+            rest["held-out"] + tangents["held-out"] @ shift,  # no term is credited with that
         )
+        bases = {s: model.bases(point, s) for s in splits}
+        return Unexplained(point.u, bases, rest, tangents, min(before, key=lambda x: x @ x))
 
 
 class TermFit:
