@@ -228,6 +228,17 @@ def challenged(truth, named, size):
     return Review(Refits(model), lambda text: None).challenge(fit, 0, signatures)
 
 
+@pytest.mark.parametrize("shows, told", [(1.0, 1.0), (0.0, -1.0), (4.0, 1.0), (-3.0, -1.0)])
+def test_rivals_are_told_apart_by_no_more_than_their_difference(shows, told):
+    """What shows four times of it is something else: a drag was named a rolling resistance."""
+    rng = np.random.default_rng(4)
+    noise, d = rng.normal(size=5000), np.sin(np.arange(5000.0))
+    d *= 4 / np.linalg.norm(d)
+    rival_left = noise - (noise @ d) / 16 * d + shows * d
+    margin = Review._held_margin(rival_left, rival_left - d)
+    assert margin == pytest.approx(16 * told, rel=0.3)
+
+
 def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
     """Without noise a margin is its own mean: 10 by the train runs, and as much a sample beyond."""
     truth = law("bearing-coulomb", 0.005)

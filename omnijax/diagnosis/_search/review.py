@@ -236,10 +236,12 @@ class Review:
 
         Two laws that differ in little are told apart by all runs better than by some: fitted to
         the train runs, both foretell the others.  Where what is left there has a colour, it counts
-        for less.
+        for less.  Of two laws of which one is right, their difference d changes chi2 by d.d or by
+        -d.d, but for noise: what changes it by more is something else that is like d.
         """
         held = HeldOut.of(rival_left, left)
-        return held.gain / held.spread if np.isfinite(held.gain) else np.inf
+        told = float(np.clip(held.gain, -held.size, held.size))
+        return told / held.spread if np.isfinite(held.gain) else np.inf
 
     def _widens(self, wide: Effect, plain: Effect) -> bool:
         """Whether the one law is the other at a limit of its numbers, at the same place."""
