@@ -296,12 +296,20 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
             return self
 
         def strongest(self):
-            return []
+            return [0]
+
+        def grid(self, part):
+            return SimpleNamespace(part=part)
+
+        def curve(self, _):
+            return None
 
     monkeypatch.setattr(learned, "TermFit", Fitting)
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: [Fitting.port])
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
+    monkeypatch.setattr(learned, "_axes", lambda *_: None)
+    monkeypatch.setattr(learned, "_drawn_as", lambda *_: "w1")
     told = []
     term = learned.learn(None, None, [], told.append)  # pyright: ignore
     assert (term is None) == (closes < 0) and told
@@ -325,7 +333,13 @@ def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
             return self
 
         def strongest(self):
-            return []
+            return [0]
+
+        def grid(self, part):
+            return SimpleNamespace(part=part)
+
+        def curve(self, _):
+            return None
 
     ports = [
         SimpleNamespace(port=name, cost=cost, closed=closed, networked=False)
@@ -335,6 +349,8 @@ def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: ports)
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
+    monkeypatch.setattr(learned, "_axes", lambda *_: None)
+    monkeypatch.setattr(learned, "_drawn_as", lambda *_: "w1")
     term = learned.learn(None, None, [], lambda _: None)  # pyright: ignore
     assert term is not None and term.port == "b" and term.closed == 0.8
 

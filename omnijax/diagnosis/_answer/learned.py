@@ -48,6 +48,7 @@ class Learned:
     network: float | None
     residual: np.ndarray  # held-out rows after the term
     sigma: np.ndarray
+    axes: tuple[tuple[str, str], tuple[str, str]]  # names and units, of the curves'
     curves: dict[str, Curve]
     nearest: list[NearLaw]
     map: dict | None
@@ -56,15 +57,6 @@ class Learned:
     def port(self) -> str:
         """Where it acts."""
         return self.term.port.port
-
-    @property
-    def axes(self) -> tuple[tuple[str, str], tuple[str, str]]:
-        """Names and units of the curves' axes."""
-        port = self.term.port
-        starts = [name.split(" over ")[0] for name in self.curves]
-        part = port.parts.index(starts[0]) if starts else 0
-        own, unit = port.units(part)
-        return (_own_label(port, part), own), ("term", unit)
 
     @property
     def terms(self) -> list[dict[str, Any]]:
@@ -113,7 +105,8 @@ def learn(
     curves = {_drawn_as(kept.port, grid): kept.curve(grid) for grid in grids}
     tell("comparing it with the library's laws")
     return Learned(
-        kept.term, kept.closed, best.closed, network, kept.after["held-out"], kept.sigma, curves,
+        kept.term, kept.closed, best.closed, network, kept.after["held-out"], kept.sigma,
+        _axes(kept.port, grids[0].part), curves,
         _nearest(kept, scores, grids), _map(kept) if kept.port.networked else None,
     )  # fmt: skip
 
@@ -128,7 +121,7 @@ def ports_of(model: RigModel) -> list[AbstractPort]:
              if some]  # fmt: skip
     pitches = np.round(2 * np.pi / np.asarray(rig.gaps.pitch)).astype(int).tolist()
     return [
-        SpringPort("contact", rig.names), SpringPort("mount", rig.names), ShaftPort(rig.names),
+        SpringPort(rig.names, "contact"), SpringPort(rig.names, "mount"), ShaftPort(rig.names),
         ShapePort(rig.names, tuple(pitches)), SpherePort(), SurfacePort(rig.names),
         SensorPort(tuple(names), rig.size),
     ]  # fmt: skip
@@ -139,8 +132,10 @@ def _drawn_as(port: AbstractPort, grid: TermGrid) -> str:
     return port.parts[grid.part] + (f" over {grid.input}" if grid.input else "")
 
 
-def _own_label(port: AbstractPort, part: int) -> str:
-    return port.labels()[port.own(part)].split(" of ")[0]
+def _axes(port: AbstractPort, part: int) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Names and units of a part's own input and of the term."""
+    own, unit = port.units(part)
+    return (port.labels()[port.own(part)].split(" of ")[0], own), ("term", unit)
 
 
 def _nearest(fitting: TermFit, scores: Sequence[Score], grids: Sequence[TermGrid]) -> list[NearLaw]:
@@ -170,7 +165,7 @@ def _map(fitting: TermFit) -> dict | None:
 
     None where it hangs on one alone.
     """
-    term, u = fitting.term, fitting.inputs[:: max(1, len(fitting.inputs) // DRAWN)]
+    term, u = fitting.term, fitting.some_inputs(DRAWN)
     force = term.force(u)
     i = int(np.argmax(np.sum(force**2, axis=0)))
     missed = fitting.missed(u, i, range(u.shape[1]))

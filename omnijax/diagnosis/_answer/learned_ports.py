@@ -20,31 +20,32 @@ from .._machine import (
     turned_by,
 )
 from .._settings import SETTINGS
-from .term_port import AXES, BENDS, AbstractPort, Columns, over, powers, waves
+from .term_port import (
+    AXES,
+    BENDS,
+    AbstractPort,
+    AbstractWheelPort,
+    Columns,
+    memoryless,
+    powers,
+    waves,
+)
 
 WAVES = SETTINGS.answer_learned.waves
 SHARP = SETTINGS.answer_learned.sharp
 
 
 @dataclasses.dataclass(frozen=True)
-class SpringPort(AbstractPort):
+class SpringPort(AbstractWheelPort):
     """Contact or mount: every wheel's deflection and rate, and time in; tensions out."""
 
     port: str
-    wheels: tuple[str, ...]
 
     def hosts(self, port):
         return port == self.port or (self.port, port) == ("contact", "separation")
 
-    @property
-    def parts(self):
-        return self.wheels
-
     def units(self, part):
         return "m", "N"
-
-    def own(self, part):
-        return part
 
     def labels(self):
         letter = "δ" if self.port == "contact" else "Δ"
@@ -90,26 +91,18 @@ class SpringPort(AbstractPort):
         if placed.law.port != self.port or grid.part not in placed.wheels:
             return None
         here = jax.tree.map(lambda x: float(np.mean(x[:, grid.part])), self._signals(base))
-        return over(placed.law, here._replace(deflection=grid.x, rate=0.0))
+        return memoryless(placed.law, here._replace(deflection=grid.x, rate=0.0))
 
 
 @dataclasses.dataclass(frozen=True)
-class ShaftPort(AbstractPort):
+class ShaftPort(AbstractWheelPort):
     """Shafts: every wheel's speed, command, sine and cosine of its angle, and time in; torques."""
 
-    wheels: tuple[str, ...]
     port: str = "shaft"
     laws: ClassVar[tuple[str, ...]] = ("shaft", "actuator", "command", "rolling", "kinematics")
 
-    @property
-    def parts(self):
-        return self.wheels
-
     def units(self, part):
         return "rad/s", "N m"
-
-    def own(self, part):
-        return part
 
     def labels(self):
         kinds = ("ω", "command", "sin θ", "cos θ")
@@ -143,7 +136,7 @@ class ShaftPort(AbstractPort):
     def of_law(self, base, placed, grid):
         if placed.law.port != "shaft" or grid.part not in placed.wheels:
             return None
-        return over(placed.law, ShaftSignal(0.0, grid.x, 0.0, 0.0))  # pyright: ignore[reportArgumentType]
+        return memoryless(placed.law, ShaftSignal(0.0, grid.x, 0.0, 0.0))  # pyright: ignore[reportArgumentType]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,9 +152,6 @@ class SpherePort(AbstractPort):
 
     def units(self, part):
         return "rad/s", "N m"
-
-    def own(self, part):
-        return part
 
     def labels(self):
         turned = [f"R_{a}{b}" for a in AXES for b in AXES]  # body frame -> inertial frame
@@ -201,5 +191,5 @@ class SpherePort(AbstractPort):
         turning = grid.x[:, None] * np.eye(3)[grid.part]
         still = np.broadcast_to(np.eye(3), (len(turning), 3, 3))
         signal = BodySignal(turning, still, float(base.rig.sphere.mass), 0 * turning)  # pyright: ignore[reportArgumentType]
-        torque = over(placed.law, signal)
+        torque = memoryless(placed.law, signal)
         return None if torque is None else torque[:, grid.part]

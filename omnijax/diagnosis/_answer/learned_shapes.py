@@ -9,33 +9,25 @@ import numpy as np
 
 from .._machine import FINE, SHAPE, contact_directions, refine, reshaped, shape_along, transfer
 from .._settings import SETTINGS
-from .term_port import AXES, POINTS, AbstractPort, TermGrid, over, waves
+from .term_port import AXES, POINTS, AbstractPort, AbstractWheelPort, TermGrid, memoryless, waves
 
 SHAPES = SETTINGS.answer_learned.shapes
 
 
 @dataclasses.dataclass(frozen=True)
-class ShapePort(AbstractPort):
+class ShapePort(AbstractWheelPort):
     """Wheels' shapes: sine and cosine of every wheel's angle in, change of its radius out.
 
     Harmonics up to the pitch of its gaps, `pitches` of a turn, and twice that.
     """
 
-    wheels: tuple[str, ...]
     pitches: tuple[int, ...]
     port: str = "shape"
     laws: ClassVar[tuple[str, ...]] = ("shape", "radius")
     networked: ClassVar[bool] = False
 
-    @property
-    def parts(self):
-        return self.wheels
-
     def units(self, part):
         return "rad", "m"
-
-    def own(self, part):
-        return part
 
     def labels(self):
         return [f"{k} of {w}" for k in ("sin θ", "cos θ") for w in self.wheels]
@@ -103,9 +95,6 @@ class SurfacePort(AbstractPort):
     def units(self, part):
         return "rad from x to y", "m"
 
-    def own(self, part):
-        return 0
-
     def labels(self):
         return list(AXES)
 
@@ -131,4 +120,4 @@ class SurfacePort(AbstractPort):
 
     def of_law(self, base, placed, grid):
         directions = np.column_stack([grid.varied[k] for k in range(3)])
-        return over(placed.law, directions) if placed.law.port == "surface" else None
+        return memoryless(placed.law, directions) if placed.law.port == "surface" else None

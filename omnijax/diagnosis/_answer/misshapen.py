@@ -62,13 +62,14 @@ def _own_functions(
         i for i, name in enumerate(port.parts)
         if place in ("all", "sphere", name, name.partition("_")[0])
     ]  # fmt: skip
-    scales = port.scales(np.concatenate([port.inputs(base) for base in bases["train"]]))
+    inputs = {split: [port.inputs(base) for base in some] for split, some in bases.items()}
+    scales = port.scales(np.concatenate(inputs["train"]))
     labels: list[str] = []
     out: dict[str, np.ndarray] = {}
     for split, some in bases.items():
         tables = []
-        for base in some:
-            u = np.clip(port.inputs(base) / scales, -FAR, FAR)
+        for base, raw in zip(some, inputs[split], strict=True):
+            u = np.clip(raw / scales, -FAR, FAR)
             own = [x for x in port.columns(u) if x[0] in parts and x[1] in port.own_functions(x[0])]
             outputs = [values[:, None] * (np.arange(len(port.parts)) == i) for i, _, values in own]
             table = np.empty((len(own), model.machine.rows[base.index].size))

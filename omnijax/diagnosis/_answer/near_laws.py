@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .._orthonormal import orthonormal_of_many_rows
 from .._search import AbstractModel, Point, Score
 from .._settings import SETTINGS
 
@@ -46,7 +47,7 @@ def near_laws(
     some = [s.candidate for s in live[:LAWS]]
     if not some:
         return []
-    known = np.linalg.qr(tangents)[0]
+    known = orthonormal_of_many_rows(tangents)
     done = change - known @ (known.T @ change)
     table = np.asarray(model.columns(point, some), float)
     ends, out = np.cumsum([0, *(len(c.columns) for c in some)]), []

@@ -28,7 +28,7 @@ RIDGE = {"basis": SETTINGS.answer_learned.ridge, "network": SETTINGS.answer_lear
 
 
 class Curve(NamedTuple):
-    """A part of a term over its own input, with 1-sigma of it, in the port's units."""
+    """A part of a term over an input, with 1-sigma of it, in the port's units."""
 
     x: np.ndarray
     y: np.ndarray
@@ -93,11 +93,21 @@ class TermFit:
         self.after = {"train": here[0], "held-out": self.left(self.term, "held-out")[0]}
         held = float(self.after["held-out"] @ self.after["held-out"])
         self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
-        self.inputs = np.concatenate(here[1])
+        self.inputs_by_run = here[1]
         chi2, u = float(here[0] @ here[0]), self.around.u + self.shift
         self.cost = chi2 + float(u @ u) + float(np.log(len(here[0]))) * int(self.active.sum())
         self.spread *= max(1.0, chi2 / self.model.dof("train"))
         return self
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Scaled inputs (points, k) of all fitted runs."""
+        return np.concatenate(self.inputs_by_run)
+
+    def some_inputs(self, count: int) -> np.ndarray:
+        """About `count` of them, evenly."""
+        inputs = self.inputs
+        return inputs[:: max(1, len(inputs) // count)]
 
     @property
     def sigma(self) -> np.ndarray:
@@ -109,7 +119,7 @@ class TermFit:
 
         Source: partial dependence (Friedman, Greedy function approximation, 2001).
         """
-        some = self.inputs[:: max(1, len(self.inputs) // OTHERS)]
+        some = self.some_inputs(OTHERS)
         u = np.repeat(some[:, None], len(grid.x), axis=1)  # (others, points, k)
         for k, values in grid.varied.items():
             u[:, :, k] = values
@@ -124,10 +134,9 @@ class TermFit:
 
     def grid(self, part: int) -> TermGrid:
         """The grid of the input that a part hangs on most, of those like its own."""
-        port, some = self.port, self.inputs[:: max(1, len(self.inputs) // DRAWN)]
-        inputs = port.like_own(part)
-        missed = self.missed(some, part, inputs)
-        return port.grid(part, self.term.scales, inputs[int(np.argmax(missed))])
+        inputs = self.port.like_own(part)
+        missed = self.missed(self.some_inputs(DRAWN), part, inputs)
+        return self.port.grid(part, self.term.scales, inputs[int(np.argmax(missed))])
 
     def missed(self, u: np.ndarray, part: int, inputs: Sequence[int]) -> list[float]:
         """What a part of the term loses of its square by each of some inputs being 0."""
@@ -138,17 +147,13 @@ class TermFit:
     def change(self, parts: Sequence[int] | None = None) -> np.ndarray:
         """What the term, or some of its parts, changes of the fitted runs' rows."""
         out = []
-        for base, u in zip(self.around.bases["train"], self._inputs_by_run(), strict=True):
+        for base, u in zip(self.around.bases["train"], self.inputs_by_run, strict=True):
             force = self.term.force(u)
             if parts is not None:
                 force = force * np.isin(np.arange(force.shape[1]), parts)
             rows = self.model.machine.rows[base.index]
             out.append(rows.project(rows.vector(*self.port.push(base, force))))
         return np.concatenate(out)
-
-    def _inputs_by_run(self) -> list[np.ndarray]:
-        counts = [len(self.port.inputs(base)) for base in self.around.bases["train"]]
-        return np.split(self.inputs, np.cumsum(counts)[:-1])
 
     def strongest(self) -> list[int]:
         """The parts that change the rows most, of one unit, the strongest first."""

@@ -6,6 +6,7 @@ scaled to RMS 1 over the train runs.
 """
 
 import abc
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -78,12 +79,12 @@ class AbstractPort(abc.ABC):
         """Both tables of changes that outputs (points, parts) cause; None is no change."""
 
     @abc.abstractmethod
-    def own(self, part: int) -> int:
-        """Index of a part's own input."""
-
-    @abc.abstractmethod
     def of_law(self, base: Linearisation, placed: Placed, grid: TermGrid) -> np.ndarray | None:
         """What a law of the library puts out along a grid; None where that is no function of it."""
+
+    def own(self, part: int) -> int:
+        """Index of a part's own input."""
+        return part
 
     def own_functions(self, part: int) -> tuple[str, ...]:
         """Labels of the columns that are functions of a part's own input alone, but for waves."""
@@ -115,6 +116,17 @@ class AbstractPort(abc.ABC):
         return TermGrid(part, x * scales[k], {k: x}, self.labels()[k] if other else "")
 
 
+@dataclasses.dataclass(frozen=True)
+class AbstractWheelPort(AbstractPort):
+    """One whose parts are the wheels."""
+
+    wheels: tuple[str, ...]
+
+    @property
+    def parts(self):
+        return self.wheels
+
+
 def powers(x: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
     """Smooth functions of one own input, and its product with time.
 
@@ -142,6 +154,6 @@ def waves(cosine: np.ndarray, sine: np.ndarray, orders: Sequence[int]) -> dict[s
     return out
 
 
-def over(law: AbstractLaw, signal: Any) -> np.ndarray | None:
+def memoryless(law: AbstractLaw, signal: Any) -> np.ndarray | None:
     """A law along signals of one wheel; None of one that remembers."""
     return None if law.initial() is not None else along(law, signal)

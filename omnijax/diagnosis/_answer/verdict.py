@@ -95,10 +95,10 @@ def judge(
     elif fitted < closing and not gap:
         against = f"the best known effects close {100 * fitted:.0f} % of the gap of the fitted runs"
     else:
-        against = _against_naming(gap, off, other, unsteady, bent, who)
+        against = _against_naming(gap, off, other, unsteady, who)
+    if bent:
+        against = _beside_bent(against, bent[0], who)
     if against:
-        hint = _left_beside(bent[0], who) if bent else ""
-        against += f"; {hint}" if hint not in against else ""
         return Verdict("unknown", closed, equals, against, noise, tuple(gap))
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
@@ -130,9 +130,8 @@ def _closed(above: dict[str, float], left: dict[str, float], channels: Sequence[
 
 
 def _against_naming(
-    gap: Sequence[str], off: Stretch | None, other: str, unsteady: Sequence[Unsteady],
-    bent: Sequence[Misshapen], who: str,
-) -> str:  # fmt: skip
+    gap: Sequence[str], off: Stretch | None, other: str, unsteady: Sequence[Unsteady], who: str
+) -> str:
     """Why effects that close enough of the whole gap are not named all the same; else empty."""
     if gap:
         return f"the best known effects leave a gap in {', '.join(gap)} on {who}"
@@ -145,14 +144,16 @@ def _against_naming(
         most = unsteady[0]
         return (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
                 "a missing effect that no known law describes")  # fmt: skip
-    if bent:
-        return f"{_left_beside(bent[0], who)}: a missing effect that no known law describes"
     return ""
 
 
-def _left_beside(bent: Misshapen, who: str) -> str:
+def _beside_bent(against: str, bent: Misshapen, who: str) -> str:
+    """`against` naming, and what is left of an effect's own input; that alone where it is empty."""
     share = f"{100 * bent.share:.0f} % of what it explains"
-    return f"beside {bent.name} {who} show a function of {bent.label}, {share}"
+    left = f"beside {bent.name} {who} show a function of {bent.label}, {share}"
+    return (
+        f"{against}; {left}" if against else f"{left}: a missing effect that no known law describes"
+    )
 
 
 def _beside_noise(
