@@ -1,6 +1,8 @@
 """What tells rivals of an axis apart: the noise's colour, the input's reading, nested laws; and
 what held-out runs may say of numbers that no train run decides."""
 
+from types import SimpleNamespace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import HoldReading, better_reading, build_model
 from omnijax.diagnosis._ode.build import priors_of
 from omnijax.diagnosis._ode.experiment import next_run
+from omnijax.diagnosis._ode.learned import learn_shaft
 from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._ode.rows import FreeRun, OdeRun
 from omnijax.diagnosis._search import Effect, Point, Signatures, refit
@@ -18,6 +21,7 @@ from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.laws import AbstractShaft, BearingViscous, Parameter
 from omnijax.machine import Axis, Log, MachineCase, load_machine
+from omnijax.report._diagnosis import _learned
 from tests.seeds import drawn_anew
 
 pytestmark = pytest.mark.long
@@ -79,7 +83,7 @@ def motor(rng, folder, effect, hold="linear", held=False):
     J, logs = 10 ** rng.uniform(-4, -2), []
     for role in ("train", "held-out"):
         u = course(rng, 2000, 20 * J)
-        scaled = {k: 20 * J * x if k == "offset" else x for k, x in effect.items()}
+        scaled = {k: 20 * J * x if k in ("offset", "coulomb") else x for k, x in effect.items()}
         q, *_ = moved(Plant("motor", "torque", J, J), scaled, u, STEP, held)
         logs.append(logged(role, u, q + 2e-4 * rng.normal(size=len(q))))
     return case(folder, MOTOR.format(J=J, hold=hold), *logs)
@@ -135,6 +139,24 @@ def test_an_offset_is_no_friction_that_differs_by_direction(tmp_path):
     wide = refitted(model, "friction-asymmetry", torque=0.0, width=1.0)
     better, _ = review.challenge(wide, 0, signatures)
     assert better is not None and better.point.effects[0].id == "torque-offset"
+
+
+def test_the_page_shows_what_was_learned_at_an_axis_with_the_size_of_every_value(tmp_path):
+    """A learned term of an axis once had no table of its coefficients: its page was a traceback."""
+    rng = drawn_anew("learned at an axis")
+    hidden = {"coulomb": rng.uniform(0.1, 0.3), "width": 1.0}
+    model, _, _ = build_model(motor(rng, tmp_path, hidden))
+    fit = refit(model, Point(np.zeros(len(model.priors))))
+    term = learn_shaft(model, fit, [], str)
+    assert term is not None and term.closed > 0.5
+    (section,) = _learned(
+        SimpleNamespace(details={"learned": term}, judges=SimpleNamespace(name="held-out runs"))
+    )
+    (table,) = section.tables
+    values, sigmas = (np.concatenate([c[k] for c in term.curves.values()]) for k in (1, 2))
+    shown = {(row[2], row[3]) for row in table.rows}
+    assert shown == set(zip(values.tolist(), sigmas.tolist(), strict=True))
+    assert term.table()["terms"] == term.terms and "knots" in table.caption
 
 
 def servo(rng, goals, late):

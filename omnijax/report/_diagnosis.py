@@ -190,6 +190,6 @@ def _learned(diagnosis) -> list[Section]:
     ]
     columns = [Column("at", text=True), Column("of", text=True), Column("coefficient"),
                Column("1-sigma"), Column("unit", text=True)]  # fmt: skip
-    note = "What the smooth basis took up, its coefficients of inputs of RMS 1, the surest first"
+    note = f"What the {learned.kind} took up: {learned.coefficients}, the surest first"
     return [Section("What is missing", text, [figure],
                     [Table(columns, rows, "learned-terms", note, folded=True)])]  # fmt: skip

@@ -59,6 +59,16 @@ class Learned:
         return self.term.port.port
 
     @property
+    def kind(self) -> str:
+        """What it is made of."""
+        return "smooth basis" if self.term.network is None else "smooth basis and network"
+
+    @property
+    def coefficients(self) -> str:
+        """What the coefficients of `terms` are."""
+        return "coefficients of inputs of RMS 1"
+
+    @property
     def terms(self) -> list[dict[str, Any]]:
         """Coefficients of what is in with 1-sigma, of inputs of RMS 1, in their part's unit."""
         term = self.term
@@ -75,7 +85,7 @@ class Learned:
         nearest = [x.table() for x in self.nearest]
         return {"port": self.port, "closed": self.closed, "uninterpreted": True,
                 "closed_by_smooth_basis": self.smooth, "closed_with_network": self.network,
-                "kind": "smooth basis and network" if network else "smooth basis",
+                "kind": self.kind,
                 "terms": self.terms, "nearest": nearest, "map": self.map}  # fmt: skip
 
 

@@ -42,18 +42,31 @@ class LearnedShaft:
     smooth: float = 0.0
     network: float | None = None
     axes: tuple[tuple[str, str], tuple[str, str]] = (("input", "SI"), ("acceleration", "SI"))
+    kind: str = "sum of piecewise-linear functions of speed, position and input"
+    coefficients: str = "the values at the knots of its functions"
 
     @property
     def map(self) -> dict[str, Any] | None:
         """No map: the term is a sum of functions of one input each."""
         return None
 
+    @property
+    def terms(self) -> list[dict[str, Any]]:
+        """The term's value at every knot with 1-sigma, in the unit of an acceleration."""
+        unit = self.axes[1][1]
+        return [
+            {"place": "axis", "input": f"{name} at {x:.3g}", "coefficient": float(y),
+             "sigma": float(s), "unit": unit}
+            for name, curve in self.curves.items() for x, y, s in zip(*curve, strict=True)
+        ]  # fmt: skip
+
     def table(self) -> dict[str, Any]:
         """Numbers for diagnosis.json."""
         return {
             "port": self.port, "closed": self.closed, "uninterpreted": True,
-            "kind": "sum of piecewise-linear functions of speed, position and input",
+            "kind": self.kind,
             "curves": {k: {"x": x, "y": y, "sigma": s} for k, (x, y, s) in self.curves.items()},
+            "terms": self.terms,
             "nearest": [x.table() for x in self.nearest],
         }  # fmt: skip
 
