@@ -9,7 +9,7 @@ from scipy.stats import t as student
 from seeds import drawn_anew
 from test_plant import load_plant, runs_of
 
-from omnijax.diagnosis import Point, RigModel
+from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis._answer import RigEvidence
 from omnijax.diagnosis._machine.encoders import smoother_modes, whitener
 from omnijax.diagnosis._machine.runs import Run
@@ -149,3 +149,26 @@ def test_start_angles_of_wheels_without_encoder_are_found(machines):
     assert f"The angle of {' and '.join(rig.names)} was not measured" in blind
     seen = RigModel(rig, noisy(tables[:1], noise, np.random.default_rng(7)), noise, dict(EFFECTS))
     assert len(RigEvidence(seen, noise, []).remarks()) == 1
+
+
+def test_no_law_of_an_encoder_makes_its_noise_smaller(machines):
+    """A machine at rest was named an eccentricity of 1.7e8 rad: noise was that of the angle."""
+    rng = drawn_anew("encoders at rest")
+    rig, noise, _ = machines[0]
+    time, n = 0.002 * np.arange(500), rig.size
+    outputs = {g: s * rng.normal(size=(500, n if g == "theta" else 3)) for g, s in noise.items()}
+    run = Run("rest", "train", time, np.zeros((500, n)), np.zeros((500, 3)), outputs,
+              np.ones(500, bool))  # fmt: skip
+    model = RigModel(rig, [run], noise, dict(EFFECTS))
+
+    def left(*effects):
+        (residual,) = model.residuals([Point(np.zeros(len(model.priors)), effects)], "train")
+        return model.group_rms(residual, "train")["theta"]
+
+    phase, gain = rng.uniform(0, 6), 10 ** rng.uniform(-1, 3)
+    eccentric = {"amplitude": 10 ** rng.uniform(0, 8), "phase": phase}
+    plain = left()
+    assert plain == pytest.approx(1.0, abs=0.1)
+    assert left(Effect("sensor-gain", "theta", {"g": gain})) == pytest.approx(plain, rel=0.01)
+    for i in range(n):
+        assert left(Effect("encoder-eccentricity", f"theta_{i + 1}", eccentric)) > 0.95 * plain

@@ -87,7 +87,9 @@ class Predicted(NamedTuple):
     elastic: np.ndarray  # (samples, 6) dR, a
     Omega: np.ndarray  # (samples, 3) rad/s, from the torques
     turning: np.ndarray  # (samples, 3) rad/s, from the angles
-    missed: np.ndarray  # (samples, n) rad, rolled lengths measured less foretold
+    # (samples, n) rad, rolled lengths measured less foretold, times the slope of the reading: noise
+    # is that of the reading, and no law of the encoders makes it smaller
+    missed: np.ndarray
     late: Callable[[float], np.ndarray]  # dR, a (samples, 6) so many s late
 
     @staticmethod
@@ -95,7 +97,8 @@ class Predicted(NamedTuple):
         """From dR and a, and the rotation."""
         m = rotated.motion
         turning = np.array(m.turning[::FINE])  # not a view of the fine one
-        return Predicted(elastic, rotated.Omega, turning, m.length - rotated.length, late)
+        missed = (m.length - rotated.length) * m.slope
+        return Predicted(elastic, rotated.Omega, turning, missed, late)
 
     def changed(self, change: Change) -> "Predicted":
         """With what stepped laws add."""

@@ -49,6 +49,8 @@ class RunMotion:
     turning: np.ndarray  # (.., 3) rad/s, Omega from the wheels; about a free axis as measured
     step: float  # s, of the FINE points
     rolls: bool  # already at the first sample
+    # (samples or 1, n) by how much the encoders' readings change with the angle
+    slope: np.ndarray
 
     @functools.cached_property
     def missed_rate(self) -> np.ndarray:
@@ -175,8 +177,9 @@ def motion(
         free = np.eye(3) - inverse @ axes
         measured = CubicSpline(run.time, _turning(rig, run, rolls))(run.fine(FINE))
         turning = turning + np.einsum("tij,tj->ti", free, measured)
+    length, slope = _as_read(rig, run, length, smoothed, theta[::FINE], shape[::FINE], rolls)
     return RunMotion(
-        length=_as_read(rig, run, length, smoothed, theta[::FINE], shape[::FINE], rolls),
+        length=length,
         smoothed=smoothed,
         theta_shape=theta_shape,
         theta=theta,
@@ -189,23 +192,29 @@ def motion(
         turning=turning,
         step=run.step / FINE,
         rolls=rolls,
+        slope=slope,
     )
 
 
-def _as_read(rig: Rig, run: Run, length, smoothed, theta, shape, rolls: bool) -> np.ndarray:
+def _as_read(
+    rig: Rig, run: Run, length, smoothed, theta, shape, rolls: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """The rolled lengths (samples, n): smoothed, and the scatter that the encoders show about them.
 
-    What they read late tells of the moment at which it is read: none is lost at the run's end.  One
-    that stands at its limit tells by how much that is not the limit of its law.
+    And the slope (samples or 1, n) of the readings by the angle.  What they read late tells of the
+    moment at which it is read: none is lost at the run's end.  One that stands at its limit tells
+    by how much that is not the limit of its law.
     """
     measured = run.outputs.get("theta")
     if measured is None or not any(p.group == "theta" for p in rig.at("sensor")):
-        return length
+        return length, np.ones((1, rig.size))
     reading = reading_of(rig, "theta", run, theta, rolls, late=True)
     apart = measured - reading.shown
     scatter = np.where(reading.tells, reading.back(apart), apart)
     lever = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
-    return np.where(np.isfinite(measured).any(axis=0), smoothed + lever * scatter, length)
+    seen = np.isfinite(measured).any(axis=0)
+    length = np.where(seen, smoothed + lever * scatter, length)
+    return length, np.where(seen & reading.tells, np.abs(reading.slope), 1.0)
 
 
 def attitude(turning: np.ndarray, step: float) -> np.ndarray:
