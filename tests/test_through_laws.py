@@ -7,10 +7,12 @@ from seeds import drawn_anew
 from omnijax.diagnosis import Effect, Point, Search, SmallModel
 from omnijax.diagnosis._search import through_laws
 from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.limits import upper_limits
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.laws import EFFECTS
 
 LAWS = {k: EFFECTS[k] for k in ("bearing-viscous", "spin-resistance", "mount-cubic")}
+CUBICS = ("contact-cubic", "mount-cubic")
 ROWS = 3000
 
 
@@ -104,3 +106,36 @@ def test_a_model_whose_columns_are_through_the_laws_already_is_scanned_once():
     fit = refit(model, Point(np.zeros(0), (Effect("mount-cubic", "all", {"k3": 900.0}),)))
     scan, _ = Search(model).scan(fit)
     assert scan.best_per_name()[0].candidate.id == "bearing-viscous"
+
+
+def test_limits_of_what_a_stepped_law_bends_are_those_beside_it():
+    """A relaxation beside a play had a third of its limit: what it changes alone is larger."""
+    size = drawn_anew("beside a play").uniform(0.2, 0.5)  # of what it changes alone
+
+    class Smaller(SmallModel):
+        def __init__(self, rng):
+            base, noise = np.linalg.qr(rng.normal(size=(ROWS, 2)))[0].T, rng.normal(size=ROWS)
+
+            def residual(values, laws, split):
+                k = {x.id: float(next(iter(vars(x).values()))) for x in laws}
+                beside = size if "mount-cubic" in k else 1.0
+                cubic = 900.0 - k.get("mount-cubic", 0.0)
+                return noise + cubic * base[0] - beside * k.get("contact-cubic", 0.0) * base[1]
+
+            super().__init__(residual, [], {k: EFFECTS[k] for k in CUBICS}, "all")
+
+        def columns(self, point, candidates):
+            return super().columns(Point(point.u), candidates)
+
+        def through_laws(self, point, candidates, steps):
+            return [super(Smaller, self).columns(point, [c]) for c in candidates]
+
+    model = Smaller(drawn_anew("limits beside a play"))
+    fit = refit(model, Point(np.zeros(0), (Effect("mount-cubic", "all", {"k3": 900.0}),)))
+    _, signatures = Search(model).scan(fit)
+    (column,), before = signatures.columns(slice(0, 1)), signatures.table.copy()
+    (limit,) = upper_limits(model, fit, signatures, {"mount-cubic@all"})
+    assert limit["id"] == signatures.layout.candidates[0].id == "contact-cubic"
+    estimate = abs(float(column @ fit.residual)) / size  # of either sign
+    assert limit["limit_95"] == pytest.approx(estimate + 1.645 / size, rel=0.1)
+    assert np.array_equal(before, signatures.table)

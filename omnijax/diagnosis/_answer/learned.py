@@ -81,7 +81,6 @@ class Learned:
 
     def table(self) -> dict[str, Any]:
         """Numbers for diagnosis.json: port, what it closes, coefficients, nearest laws, map."""
-        network = self.term.network is not None
         nearest = [x.table() for x in self.nearest]
         return {"port": self.port, "closed": self.closed, "uninterpreted": True,
                 "closed_by_smooth_basis": self.smooth, "closed_with_network": self.network,

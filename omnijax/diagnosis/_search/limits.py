@@ -7,7 +7,6 @@ distribution.  An estimate below what is possible excludes no more than zero doe
 Power-constrained limits, 2011).
 """
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from .._settings import SETTINGS
 from .fit import Fit
 from .model import AbstractModel, to_project
 from .scan import Scan, Score, Signatures, taken_up
+from .through_laws import COLUMNS, variants_through_laws
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = SETTINGS.limits.draws
@@ -32,12 +32,15 @@ def upper_limits(
 ) -> list[dict[str, Any]]:
     """{id, place, parameter, limit_95, unit} of every effect and place but the `named` ones.
 
-    `limit_95` is None where the runs say nothing about the effect.
+    `limit_95` is None where the runs say nothing about the effect.  Beside a law that is stepped in
+    time others of its kind change something else than in the machine without it: their limits are
+    of what they change there.
     """
     J, u = to_project(model, fit.jacobian, fit.point.u)
-    scan = signatures.scan(fit.residual, taken_up(J, len(u)), u)
-    spread = inflation(signatures, scan, fit.residual)
+    taken = taken_up(J, len(u))
+    scan = signatures.scan(fit.residual, taken, u)
     best: dict[str, dict[str, Any]] = {}
+    holding: dict[str, Score] = {}
     for score in scan.scores:
         c = score.candidate
         if c.name in named:
@@ -45,10 +48,30 @@ def upper_limits(
         key, unit = size_of(model, c)
         entry = {"id": c.id, "place": c.place, "parameter": key, "limit_95": None, "unit": unit}
         old = best.setdefault(c.name, entry)
-        limit = None if score.dead else limit_of(scan, score, spread[score.index], key)
+        limit = _limit(signatures, scan, score, fit.residual, key)
         if limit is not None and (old["limit_95"] is None or _holds(key, limit, old["limit_95"])):
-            old["limit_95"] = limit
+            old["limit_95"], holding[c.name] = limit, score
+    if model.needs_stepping(fit.point.effects):
+        stepped = {"all", *(e.place for e in fit.point.effects if model.bends(e.id))}
+        bent = [s for s in holding.values() if model.bends(s.candidate.id)]
+        bent.sort(key=lambda s: s.candidate.place not in stepped)
+        tables = variants_through_laws(model, fit.point, scan, bent[:COLUMNS])
+        with signatures.replaced(tables):
+            scan = signatures.scan(fit.residual, taken, u)
+            for score in (scan.scores[i] for i in tables):
+                entry = best[score.candidate.name]
+                key = entry["parameter"]
+                entry["limit_95"] = _limit(signatures, scan, score, fit.residual, key)
     return sorted(best.values(), key=lambda x: (x["id"], x["place"]))
+
+
+def _limit(
+    signatures: Signatures, scan: Scan, score: Score, residual: np.ndarray, key: str
+) -> float | None:
+    """The limit of one candidate; None where the runs say nothing about it."""
+    if score.dead:
+        return None
+    return limit_of(scan, score, inflation(signatures, score, residual), key)
 
 
 def _holds(key: str, limit: float, other: float) -> bool:
@@ -66,20 +89,16 @@ def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
     return "share", "1"
 
 
-def inflation(signatures: Signatures, scan: Scan, residual: np.ndarray) -> np.ndarray:
-    """By candidate: 1-sigma of its strengths over that in white noise of the assumed level.
+def inflation(signatures: Signatures, score: Score, residual: np.ndarray) -> float:
+    """1-sigma of a candidate's strengths over that in white noise of the assumed level.
 
     From the scatter of the blocks of (signature x residual), so that colour and misfit count.
     """
     starts = np.unique(np.linspace(0, len(residual), BLOCKS, endpoint=False).astype(int))
-    blocks = np.concatenate(
-        [np.add.reduceat(piece * residual, starts, axis=1) for piece in signatures.pieces()]
-    )
+    columns = signatures.columns(signatures.layout.part(score.index))
+    blocks = np.add.reduceat(columns * residual, starts, axis=1)
     left = blocks - blocks.mean(axis=1, keepdims=True)
-    ratio = np.sum(left**2, axis=1)  # the columns have length 1
-    ends = signatures.layout.ends
-    each = [ratio[a:b].max() if b > a else 1.0 for a, b in itertools.pairwise(ends)]
-    return np.sqrt(np.maximum(1.0, each))
+    return max(1.0, float(np.sum(left**2, axis=1).max())) ** 0.5  # the columns have length 1
 
 
 def limit_of(scan: Scan, score: Score, spread: float, key: str) -> float | None:

@@ -6,7 +6,7 @@ twelfth of the gain), and a weaker law that explains less stands before it.  Wha
 and what an effect is compared with, is scored again by differences through the laws of the fit.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -30,7 +30,13 @@ def through_laws(
     """
     if not model.needs_stepping(point.effects):
         return {}
-    some = _variants(model, point, scan, names)
+    return variants_through_laws(model, point, scan, _variants(model, point, scan, names))
+
+
+def variants_through_laws(
+    model: AbstractModel, point: Point, scan: Scan, some: Sequence[Score]
+) -> dict[int, np.ndarray]:
+    """By candidate of some scores its signatures (k, rows) through the laws of `point`."""
     if not some:
         return {}
     steps = [_steps(model, scan, score) for score in some]
