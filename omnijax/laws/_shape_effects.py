@@ -21,6 +21,7 @@ class WheelRadius(AbstractRadius):
     words: ClassVar[str] = "a wheel of another radius"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "r_b becomes r_b (1 + s), everywhere"
+    widens: ClassVar[tuple[str, ...]] = ("creep",)
     parameters: ClassVar[dict[str, Parameter]] = {
         "s": Parameter("1", low=-1, linear=True, above=True)
     }

@@ -49,13 +49,14 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
                 effect.place,
                 _parameters(evidence, effect, spread),
                 said,
-                _others(everyone, effect),
+                _others(everyone, effect, outcome),
             )
         )
         for rival, margin, cosine in near:
             out.append(
                 Named(rival.id, rival.place, _parameters(evidence, rival, {}),
-                      {**said, "margin": margin, "cosine": cosine}, _others(everyone, rival))
+                      {**said, "margin": margin, "cosine": cosine},
+                      _others(everyone, rival, outcome))
             )  # fmt: skip
     return together(out)
 
@@ -74,13 +75,18 @@ def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[flo
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
 
 
-def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
+def _others(
+    everyone: list[Effect], effect: Effect, outcome: SearchResult
+) -> list[dict[str, str]]:
+    """What an effect is not told from: its rivals, and a twin that does no more in these runs."""
     other = [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
-    twin = SAME.get(effect.id)
-    return other + ([{"id": twin, "place": effect.place}] if twin else [])
+    twin = TWIN.get(effect.id)
+    if f"{twin}@{effect.place}" in outcome.wider.get(effect.name, ()):
+        other.append({"id": str(twin), "place": effect.place})
+    return other
 
 
-SAME = {"creep": "wheel-radius"}  # what acts alike to first order in every channel
+TWIN = {"creep": "wheel-radius"}  # which changes the wheel's shape too: that may be too little
 
 
 def together(effects: list[Named]) -> list[Named]:

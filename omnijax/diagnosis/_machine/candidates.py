@@ -7,16 +7,15 @@ from .._search import Candidate, holds_list
 from .recipes import RECIPES
 from .unit_laws import Context, by_parameters
 
-_TWINS = {"wheel-radius"}  # of creep, said beside it
 _NEEDS_GRAVITY = {"unbalance"}
 
 
 def untried(laws: dict[str, type[AbstractLaw]]) -> set[str]:
-    """Ids of laws that are never proposed for a rig: a twin of another, and those that hold lists.
+    """Ids of laws that are never proposed for a rig: those that hold lists.
 
     Several lines at one place (`cogging`) are found one by one and told as one effect.
     """
-    return {id for id, law in laws.items() if id in _TWINS or holds_list(law)}
+    return {id for id, law in laws.items() if holds_list(law)}
 
 
 def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Candidate]:

@@ -386,10 +386,10 @@ class RigModel(AbstractModel):
         bases, self._bases = self._bases or self.bases(point), []
         cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in bases])
         table = np.empty((len(placed), cut[-1]), np.float32)
-        shifts = [j for j, p in enumerate(placed) if p.law.places == ("encoder",)]
+        sums = sums_of(placed)
+        shifts = [j for j, p in enumerate(placed) if moves_motion(p.law) and j not in sums]
         if shifts:  # first, while the table takes no room yet
             table[shifts] = self._by_differences(point, [placed[j] for j in shifts])
-        sums = {j: ones for j, ones in sums_of(placed).items() if j not in shifts}
         alone = [j for j in range(len(placed)) if j not in sums and j not in shifts]
 
         def fill(k: int) -> None:
@@ -410,7 +410,7 @@ class RigModel(AbstractModel):
         return table
 
     def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:
-        """Signatures of encoders' laws (laws, rows): they move the very motion behind the runs."""
+        """Signatures (laws, rows) of laws that move the very motion behind the runs."""
         rig = self.rig_at(point)
         before = self._coarse([rig])
         # one by one: each has a motion of its own, which is large
@@ -450,6 +450,11 @@ def weak(law: AbstractLaw, factor: float) -> AbstractLaw:
     """The law with its strengths times `factor`."""
     strengths = [k for k, p in law.parameters.items() if p.linear]
     return dataclasses.replace(law, **{k: factor * getattr(law, k) for k in strengths})
+
+
+def moves_motion(law: AbstractLaw) -> bool:
+    """Whether a law changes what the angles say of the motion, not only what the motion causes."""
+    return law.port == "radius" or law.places == ("encoder",)
 
 
 def sums_of(placed: Sequence[Placed]) -> dict[int, list[int]]:
