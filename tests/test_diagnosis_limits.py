@@ -5,13 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import binomtest, norm
+from seeds import drawn_anew
 from test_diagnosis_search import balance, law
 
+from omnijax.diagnosis import SmallModel
 from omnijax.diagnosis._answered import _excluded, _unexplained
+from omnijax.diagnosis._search.candidates import Candidate
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.limits import both_signs, one_sign, upper_limits
 from omnijax.diagnosis._search.model import Point
 from omnijax.diagnosis._search.search import Search
+from omnijax.laws import EFFECTS
 
 
 def test_limits_of_a_known_strength_are_those_of_the_normal_law():
@@ -68,7 +72,41 @@ def test_beside_a_gap_that_nothing_explains_limits_are_wider(verdict, wider):
     named = [at_w1("actuator-delay")] if verdict == "named" else []
     judged = SimpleNamespace(verdict=verdict)
     times = _unexplained(evidence, outcome, judged)  # pyright: ignore
-    told = {x["id"]: x["limit_95"] for x in _excluded(limits, outcome, named, times)}  # pyright: ignore
+    bounds = [{"id": f"bound-{x}", "place": "w1", "limit_95": 4.0, "share": x} for x in (0.2, 0.5)]
+    told = {x["id"]: x["limit_95"] for x in _excluded([*limits, *bounds], outcome, named, times)}  # pyright: ignore
+    assert told["bound-0.2"] == 4.0  # the lower the stronger: no wider one is excluded
+    assert told["bound-0.5"] == (None if wider > 2 else 4.0)
     assert times == wider and told["creep"] == pytest.approx(wider * 2e-4)
     assert told["gap"] is None and "actuator-delay" not in told
     assert ("actuator-lag" in told) == (verdict == "named")
+
+
+def test_the_limit_of_a_saturation_is_the_highest_bound_that_the_runs_exclude():
+    """It was the share of a law at some bound, without a unit: who reads it learns nothing."""
+    rng = drawn_anew("bounds")
+    base = np.linalg.qr(rng.normal(size=(3000, 4)))[0].T
+    noise, sizes = rng.normal(size=3000), {4.0: 1.0, 3.0: 9.0, 2.0: 30.0, 1.0: 60.0}
+
+    def residual(values, laws, split):
+        return noise - sum(sizes[float(x.limit)] * base[3] for x in laws)
+
+    class Bounded(SmallModel):
+        def candidates(self, point):
+            laws = [self.laws["actuator-saturation"](np.asarray(b)) for b in sizes]
+            return [
+                Candidate(
+                    "actuator-saturation",
+                    "all",
+                    (SimpleNamespace(law=law),),
+                    lambda c, b=b: {"limit": b},
+                )
+                for b, law in zip(sizes, laws, strict=True)
+            ]
+
+        def columns(self, point, candidates):
+            return np.stack([size * base[3] for size in sizes.values()])
+
+    model = Bounded(residual, [], {"actuator-saturation": EFFECTS["actuator-saturation"]}, "all")
+    fit = refit(model, Point(np.zeros(0)))
+    (limit,) = upper_limits(model, fit, Search(model).scan(fit)[1], set())
+    assert (limit["parameter"], limit["unit"], limit["limit_95"]) == ("limit", "N m", 3.0)

@@ -137,7 +137,10 @@ def _numbers(key: str, true, given) -> list[tuple[float, float, float]]:
 
 
 def limits(hidden: list[tuple[Hidden, float]], found) -> list[list[Any]]:
-    """[effect, limit, true size] of hidden effects that were not named but have a limit."""
+    """[effect, limit, true size] of hidden effects that were not named but have a limit.
+
+    Of a saturation the true bound and the excluded one, which lies below it where it holds.
+    """
     out = []
     for h, x in hidden:
         for entry in found.excluded:
@@ -145,7 +148,8 @@ def limits(hidden: list[tuple[Hidden, float]], found) -> list[list[Any]]:
                 continue
             true = h.truth(x).get(entry["parameter"])
             if true is not None:
-                out.append([h.id, _short(entry["limit_95"]), _short(float(np.linalg.norm(true)))])
+                pair = [_short(entry["limit_95"]), _short(float(np.linalg.norm(true)))]
+                out.append([h.id, *(pair[::-1] if entry["parameter"] == "limit" else pair)])
     return out
 
 

@@ -50,7 +50,7 @@ def planted(seed: int, count: int) -> Iterator[dict]:
         for x in upper_limits(model, still, signatures, set())
     }
     rng = np.random.default_rng([20, seed])
-    names = [n for n, (limit, key) in floor.items() if limit and key != "share"]
+    names = [n for n, (limit, key) in floor.items() if limit and key not in ("share", "limit")]
     by_name = defaultdict(list)
     for c in (s.candidate for s in scan.scores):
         by_name[c.id, c.place].append(c)

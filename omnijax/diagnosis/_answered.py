@@ -311,15 +311,24 @@ def _excluded(
     Beside one of them a second one is small, which says nothing of how large it is in its place.
     Where a gap is left that nothing explains a law may hide in it: limits are `unexplained` times
     as large, and none is told of what was near to an effect of the fit, of which none is named.
+    A bound is excluded where the law's own size there, so many times as large, is.
     """
     standing = {(e.id, e.place) for e in (*outcome.fit.point.effects, *effects)}
     standing |= {(x["id"], x["place"]) for e in effects for x in e.indistinguishable_from}
     if not effects:
         standing |= {(e.id, e.place) for near in outcome.rivals.values() for e, *_ in near}
-    return [
-        x if x["limit_95"] is None else x | {"limit_95": unexplained * x["limit_95"]}
-        for x in limits if (x["id"], x["place"]) not in standing
-    ]  # fmt: skip
+    return [_beside(x, unexplained) for x in limits if (x["id"], x["place"]) not in standing]
+
+
+def _beside(limit: dict[str, Any], unexplained: float) -> dict[str, Any]:
+    """A limit beside a gap in which its law may hide."""
+    told = {k: x for k, x in limit.items() if k != "share"}
+    if told["limit_95"] is None:
+        return told
+    if "share" in limit:
+        hidden = unexplained * limit["share"] >= 1
+        return told | {"limit_95": None} if hidden else told
+    return told | {"limit_95": unexplained * told["limit_95"]}
 
 
 def _unexplained(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> float:

@@ -75,9 +75,7 @@ def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[flo
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
 
 
-def _others(
-    everyone: list[Effect], effect: Effect, outcome: SearchResult
-) -> list[dict[str, str]]:
+def _others(everyone: list[Effect], effect: Effect, outcome: SearchResult) -> list[dict[str, str]]:
     """What an effect is not told from: its rivals, and a twin that does no more in these runs."""
     other = [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
     twin = TWIN.get(effect.id)

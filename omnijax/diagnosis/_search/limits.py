@@ -20,11 +20,9 @@ from .through_laws import COLUMNS, variants_through_laws
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = SETTINGS.limits.draws
 BLOCKS = SETTINGS.limits.blocks
-SMALLEST = (
-    "gap",
-    "delay",
-    "tau",
-)  # sizes whose variants stand for one effect: the least limit holds
+# sizes whose variants stand for one effect: the least limit holds
+SMALLEST = ("gap", "delay", "tau")
+BOUND = "limit"  # a law that bounds what passes is the stronger the lower its bound
 
 
 def upper_limits(
@@ -32,9 +30,10 @@ def upper_limits(
 ) -> list[dict[str, Any]]:
     """{id, place, parameter, limit_95, unit} of every effect and place but the `named` ones.
 
-    `limit_95` is None where the runs say nothing about the effect.  Beside a law that is stepped in
-    time others of its kind change something else than in the machine without it: their limits are
-    of what they change there.
+    `limit_95` is None where the runs say nothing about the effect.  Of a saturation it is the
+    highest bound tried that they exclude, `share` the 95 % limit of its law's own size there.
+    Beside a law that is stepped in time others of its kind change something else than in the
+    machine without it: their limits are of what they change there.
     """
     J, u = to_project(model, fit.jacobian, fit.point.u)
     taken = taken_up(J, len(u))
@@ -48,9 +47,9 @@ def upper_limits(
         key, unit = size_of(model, c)
         entry = {"id": c.id, "place": c.place, "parameter": key, "limit_95": None, "unit": unit}
         old = best.setdefault(c.name, entry)
-        limit = _limit(signatures, scan, score, fit.residual, key)
-        if limit is not None and (old["limit_95"] is None or _holds(key, limit, old["limit_95"])):
-            old["limit_95"], holding[c.name] = limit, score
+        told = _limit(signatures, scan, score, fit.residual, key)
+        if told is not None and (old["limit_95"] is None or _holds(key, told, old)):
+            best[c.name], holding[c.name] = {**entry, **told}, score
     if model.needs_stepping(fit.point.effects):
         stepped = {"all", *(e.place for e in fit.point.effects if model.bends(e.id))}
         bent = [s for s in holding.values() if model.bends(s.candidate.id)]
@@ -60,30 +59,36 @@ def upper_limits(
             scan = signatures.scan(fit.residual, taken, u)
             for score in (scan.scores[i] for i in tables):
                 entry = best[score.candidate.name]
-                key = entry["parameter"]
-                entry["limit_95"] = _limit(signatures, scan, score, fit.residual, key)
+                told = _limit(signatures, scan, score, fit.residual, entry["parameter"])
+                entry.update(told or {"limit_95": None})
     return sorted(best.values(), key=lambda x: (x["id"], x["place"]))
 
 
 def _limit(
     signatures: Signatures, scan: Scan, score: Score, residual: np.ndarray, key: str
-) -> float | None:
-    """The limit of one candidate; None where the runs say nothing about it."""
+) -> dict[str, float] | None:
+    """`limit_95` of one candidate, of a bound its `share` too; None where the runs say nothing."""
     if score.dead:
         return None
-    return limit_of(scan, score, inflation(signatures, score, residual), key)
+    spread = inflation(signatures, score, residual)
+    limit = limit_of(scan, score, spread, "share" if key == BOUND else key)
+    if limit is None or key != BOUND:
+        return None if limit is None else {"limit_95": limit}
+    bound = float(score.candidate.decode(np.ones(len(score.coefficients)))[key])
+    return {"limit_95": bound, "share": limit} if limit < 1 else None
 
 
-def _holds(key: str, limit: float, other: float) -> bool:
+def _holds(key: str, told: dict[str, float], other: dict[str, Any]) -> bool:
     """Whether a variant's limit is the one that holds for the effect."""
-    return limit < other if key in SMALLEST else limit > other
+    limit, known = told["limit_95"], other["limit_95"]
+    return limit < known if key in SMALLEST else limit > known
 
 
 def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
     """The number that tells an effect's size, and its unit; a law of one size has a `share`."""
     known = model.laws[candidate.id].parameters
     strengths = [k for k, p in known.items() if p.linear]
-    for key in strengths or SMALLEST:
+    for key in strengths or (*SMALLEST, BOUND):
         if key in known:
             return key, known[key].unit
     return "share", "1"
