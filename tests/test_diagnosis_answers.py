@@ -73,6 +73,11 @@ def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous
         others = {(o["id"], o["place"]) for o in effect.indistinguishable_from}
         assert others == names - {(effect.id, effect.place)}
         assert effect.evidence.get("margin", 0.0) < 25
+        assert all(x["sigma"] is None or np.all(np.array(x["sigma"]) > 0)
+                   for x in effect.parameters.values())  # fmt: skip
+        assert any(x["sigma"] is not None for x in effect.parameters.values())
+    evidence = [effect.evidence["delta_bic"] for effect in ambiguous.effects]
+    assert len(set(evidence)) > 1  # each has its own
     excluded = {(x["id"], x["place"]) for x in ambiguous.excluded}
     assert excluded and not excluded & names
 

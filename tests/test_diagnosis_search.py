@@ -274,7 +274,7 @@ def test_of_nested_laws_the_plain_one_is_named_unless_the_wider_gains(fades):
     found = Search(balance([truth], laws, seed=int(rng.integers(1000)))).run()
     (effect,) = found.fit.point.effects
     assert effect.id == ("stribeck" if fades else "bearing-coulomb")
-    assert all(margin > SETTINGS.search.equal for _, margin, _ in found.rivals[0])
+    assert all(margin > SETTINGS.search.equal for _, margin, *_ in found.rivals[0])
     assert found.wider == ({} if fades else {effect.name: [f"stribeck@{effect.place}"]})
     at = [f.key for f in found.fit.free].index("torque") + 2
     sigma = np.sqrt(found.fit.covariance[at, at])
@@ -749,7 +749,7 @@ def test_that_all_drives_have_a_limit_is_no_worse_where_the_others_do_not_reach_
     found = Search(TwoDrives(true, (0.9 if low else 1.1) * true)).run()
     (effect,) = found.fit.point.effects
     assert effect.values["limit"] == pytest.approx(true, abs=1e-2)
-    near = [rival.name for rival, margin, _ in found.rivals[0] if margin < SETTINGS.search.equal]
+    near = [rival.name for rival, margin, *_ in found.rivals[0] if margin < SETTINGS.search.equal]
     both = {effect.name, *near}
     ids = {f"actuator-saturation@{place}" for place in ("w1", "all")}
     assert both == (ids if low else {"actuator-saturation@w1"})

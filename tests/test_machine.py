@@ -242,6 +242,9 @@ def test_an_axis_at_one_speed_is_ambiguous_with_every_friction(tmp_path):
     assert set(laws) <= names, (id, names)
     for effect in found.effects:
         assert {o["id"] for o in effect.indistinguishable_from} == names - {effect.id}
+        sigmas = [x["sigma"] for k, x in effect.parameters.items() if k in laws.get(effect.id, {})]
+        assert all(s > 0 for s in sigmas)  # of its own refit: rivals once had none
+    assert len({e.evidence["delta_bic"] for e in found.effects}) > 1
     said = " ".join(found.notes)
     assert "it changes too little to tell how it acts" in said
     _, _, unseen = said.partition("change no measured channel in these runs: ")

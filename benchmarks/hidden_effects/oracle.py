@@ -93,7 +93,7 @@ def _sets(found) -> list[list[Effect]]:
     outcome, named = found.details["found"], found.verdict == "named"
     near = outcome.rivals if named else found.details["judged"].equals
     return [
-        [e, *(rival for rival, _, _ in near.get(i, [])[: NEAREST if named else None])]
+        [e, *(rival for rival, *_ in near.get(i, [])[: NEAREST if named else None])]
         for i, e in enumerate(outcome.fit.point.effects)
     ]
 

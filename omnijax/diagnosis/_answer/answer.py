@@ -15,49 +15,45 @@ from .verdict import Verdict
 
 
 def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> list[Named]:
-    """The named effects with sigma from the joint refit; equals as entries of their own."""
+    """The named effects, and their equals as entries of their own.
+
+    Each with 1-sigma of its numbers and the evidence of the joint refit that it is in.
+    """
     if judged.verdict not in ("named", "ambiguous"):
         return []
-    model = evidence.model
-    P, out = len(model.priors), []
-    floor = min(judged.floor, outcome.held_after)
+    model, out = evidence.model, []
+    floor, count = min(judged.floor, outcome.held_after), float(np.log(model.dof("train")))
     # what is left above the noise, or less than was assumed, is noise for the sizes too
-    covariance = outcome.fit.covariance * max(1.0, outcome.fit.chi2 / model.dof("train"))
+    spread = max(1.0, outcome.fit.chi2 / model.dof("train"))
     for i, effect in enumerate(outcome.fit.point.effects):
-        places: dict[str, list[int]] = {}
-        for k, free in enumerate(outcome.fit.free):
-            if free.effect == i:
-                places.setdefault(free.key, []).append(P + k)
-        law = model.laws[effect.id]
-        spread = {
-            key: _sigma(law.parameters[key], effect.values[key], covariance[np.ix_(own, own)])
-            for key, own in places.items()
-        }
         near = judged.equals.get(i, [])
         less, held = outcome.alone.get(i, (outcome.baseline, outcome.held_before))
-        count = sum(free.effect == i for free in outcome.fit.free)
-        said = {
-            "delta_bic": outcome.fit.chi2 - less.chi2 + count * float(np.log(model.dof("train"))),
-            "held_out_gain": _closed(held - outcome.held_after, held - floor),
-            "held_out_chi2": held - outcome.held_after,
-            "margin_to_next": min((m for _, m, _ in outcome.rivals.get(i, [])), default=None),
-        }  # fmt: skip
-        everyone = [effect, *(e for e, _, _ in near)]
-        out.append(
-            Named(
-                effect.id,
-                effect.place,
-                _parameters(evidence, effect, spread),
-                said,
-                _others(everyone, effect, outcome),
-            )
-        )
-        for rival, margin, cosine in near:
-            out.append(
-                Named(rival.id, rival.place, _parameters(evidence, rival, {}),
-                      {**said, "margin": margin, "cosine": cosine},
-                      _others(everyone, rival, outcome))
-            )  # fmt: skip
+        fit, everyone = outcome.fit, [effect, *(r.effect for r in near)]
+
+        def said(chi2, left, numbers, less=less, held=held) -> dict[str, float | None]:
+            unknown = left is None
+            return {
+                "delta_bic": chi2 - less.chi2 + count * sum(len(x) for x in numbers.values()),
+                "held_out_gain": None if unknown else _closed(held - left, held - floor),
+                "held_out_chi2": None if unknown else held - left,
+            }
+
+        def entry(effect, numbers, evidenced, everyone=everyone) -> Named:
+            law = model.laws[effect.id].parameters
+            sigma = {
+                key: _sigma(law[key], effect.values[key], spread * x) for key, x in numbers.items()
+            }
+            parameters = _parameters(evidence, effect, sigma)
+            others = _others(everyone, effect, outcome)
+            return Named(effect.id, effect.place, parameters, evidenced, others)
+
+        own = fit.covariances(i)
+        margin = min((r.margin for r in outcome.rivals.get(i, [])), default=None)
+        first = said(fit.chi2, outcome.held_after, own) | {"margin_to_next": margin}
+        out.append(entry(effect, own, first))
+        for r in near:
+            its = said(r.chi2, r.held, r.covariances) | {"margin": r.margin, "cosine": r.cosine}
+            out.append(entry(r.effect, r.covariances, its))
     return together(out)
 
 
@@ -279,5 +275,5 @@ def separating(
     point = outcome.fit.point
     i, near = next((i, near) for i, near in judged.equals.items() if near)
     effects = list(point.effects)
-    others = [Point(point.u, (*effects[:i], e, *effects[i + 1 :])) for e, _, _ in near]
+    others = [Point(point.u, (*effects[:i], r.effect, *effects[i + 1 :])) for r in near]
     return evidence.experiment([point, *others])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._search import SearchResult, Trial, Unsteady
+from .._search import Rival, SearchResult, Trial, Unsteady
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence, Misshapen
 from .judges import JUDGES
@@ -25,7 +25,7 @@ class Verdict:
 
     verdict: str
     closed: float
-    equals: dict[int, list]
+    equals: dict[int, list[Rival]]
     reason: str
     floor: float = 0.0  # chi2 of the held-out runs' noise
     open: tuple[str, ...] = ()  # channels whose gap on held-out runs is why it is unknown
@@ -85,8 +85,7 @@ def judge(
     if not effects:
         return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who, off)
     equals = {
-        i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
-        for i, near in outcome.rivals.items()
+        i: [rival for rival in near if rival.margin < rivals] for i, near in outcome.rivals.items()
     }
     other = of_another_size(outcome, alike)
     gap = open_ if closed < closing else _left_open(open_, above, left, 1 - closing)

@@ -42,6 +42,7 @@ from .model import with_width as with_width
 from .readings import in_all_runs as in_all_runs
 from .readings import on_reading as on_reading
 from .refits import total_cost as total_cost
+from .review import Rival as Rival
 from .scan import Score as Score
 from .scan import Signatures as Signatures
 from .scan import beside_taken as beside_taken

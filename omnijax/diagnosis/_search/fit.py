@@ -40,6 +40,14 @@ class Fit:
         """What the fit makes small."""
         return self.chi2 + self.penalty
 
+    def covariances(self, i: int) -> dict[str, np.ndarray]:
+        """By free number of effect `i` its covariance (k, k), of a vector's k parts."""
+        places: dict[str, list[int]] = {}
+        for k, free in enumerate(self.free):
+            if free.effect == i:
+                places.setdefault(free.key, []).append(len(self.point.u) + k)
+        return {key: self.covariance[np.ix_(own, own)] for key, own in places.items()}
+
 
 def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
     """Difference steps of the effects' numbers: 1e-4 of their size, or of a unit for waves."""

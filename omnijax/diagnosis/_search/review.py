@@ -6,6 +6,7 @@ it is left out, as scored at the latest fit with the other effects in.
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,17 @@ from .through_laws import scored_through_laws
 
 ROUNDS = SETTINGS.refits.rival
 WITHOUT = SETTINGS.refits.without
-# the effect, its margin (what held-out runs add counts), the cosine of the signatures
-Rival = tuple[Effect, float, float]
+
+
+class Rival(NamedTuple):
+    """An effect in another one's place, and the evidence of its own refit."""
+
+    effect: Effect
+    margin: float  # by which its refit is worse; what held-out runs add counts
+    cosine: float  # of the two signatures
+    chi2: float  # of the train rows
+    held: float | None  # chi2 of the held-out rows; None where it is too far for that
+    covariances: dict[str, np.ndarray]  # by free number (k, k)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,11 +153,12 @@ class Review:
         for score in self._near(again, own, fit, i):
             if self.model.spent:
                 break
-            new, best, held = self._refitted(fit, i, score), fit, 0.0
+            new, best, held, left_held = self._refitted(fit, i, score), fit, 0.0, None
             if new.cost - fit.cost < max(self.settings.near, self.settings.little * own):
                 alone = alone or self.model.on_its_own(fit)
                 (best, left), (new, rival_left) = alone, self.model.on_its_own(new)
                 held = self._held_margin(rival_left, left)
+                left_held = float(rival_left @ rival_left)
             rival, margin = new.point.effects[i], self.model.margin(best, new)
             self.tell(f"rival {rival.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
@@ -167,8 +178,9 @@ class Review:
                     self.wider[effects[i].name].append(rival.name)
                 continue
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
-            rivals.append((rival, margin, cosine))
-        return None, sorted(rivals, key=lambda f: f[1])
+            own_numbers = new.covariances(i)
+            rivals.append(Rival(rival, margin, cosine, new.chi2, left_held, own_numbers))
+        return None, sorted(rivals, key=lambda rival: rival.margin)
 
     def _foretells(self, new: Fit, fit: Fit, i: int) -> bool:
         """Whether held-out runs are no better foretold without the rival in place of effect i."""
