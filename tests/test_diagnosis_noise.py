@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from seeds import drawn_anew
 
 from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
@@ -142,6 +143,18 @@ def test_a_quantised_channel_is_known_by_its_step():
     slow = np.cumsum(rng.normal(size=N)) * 1e-4
     assert step_of([4e-4 * np.round(slow / 4e-4)]) == pytest.approx(4e-4)
     assert step_of([slow]) == 0.0
+
+
+def test_an_encoder_that_turns_fast_is_known_by_its_step_too():
+    """Each of its readings is a level of its own: 12 bits were taken for white noise."""
+    rng = drawn_anew("a fast encoder")
+    step = 2 * np.pi / 2.0 ** rng.integers(10, 15)
+    speed = step * np.exp(rng.uniform(np.log(0.3), np.log(15))) * (1 + rng.uniform(0, 0.3, N))
+    angle = np.cumsum(speed) + 1e-4 * step * rng.normal(size=N)
+    read = step * np.round(angle / step)
+    printed = np.array([float(f"{x:.9g}") for x in read])
+    assert step_of([printed]) == pytest.approx(step, rel=1e-4)
+    assert step_of([np.array([float(f"{x:.9g}") for x in angle])]) < 1e-6  # digits of a file
 
 
 def test_noise_that_wanders_hangs_on_no_state_and_an_order_does():

@@ -44,7 +44,6 @@ class NoiseSettings:
     order: int = 7  # of differences that leave of a motion its noise
     guessed: float = 1e-3  # of a channel's RMS, where they leave nothing: upper bound
     fewest: int = 3  # levels of a quantised channel
-    most: float = 0.5  # of its samples, that may be levels of their own
     gap: float = 1e-3  # of the usual gap between levels, below which a gap is rounding
     off: float = 0.02  # of a step, by which a gap may be off a whole number of them
     on_grid: float = 0.95  # of the gaps, that must be such numbers
