@@ -221,6 +221,8 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
     if judged.verdict == "unknown":
         scores = outcome.scans[0].best_per_name() if outcome.scans else []
         learned = evidence.learn(outcome.baseline, scores, tell)
+        tell("asking whether a number that was taken for exact is off")
+        beside = [*beside, *evidence.unlisted(outcome.baseline)]
         if learned is None:
             beside = [*beside, *evidence.without_term]
         else:

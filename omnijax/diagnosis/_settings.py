@@ -841,6 +841,22 @@ class ExperimentSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class UnlistedSettings:
+    """Numbers that the rig file takes for exact: whether one of them, off, closes a gap."""
+
+    # relative 1-sigma that is granted to a number that the drawing does not leave open: three times
+    # a common tolerance, for a part that is out of it is what is looked for
+    tolerances: tuple[tuple[str, float], ...] = (
+        ("sphere.inertia", 0.1), ("sphere.mass", 0.1), ("sphere.radius", 2e-3),
+        ("platform.mass", 0.1), ("wheel.radius", 2e-3), ("wheel.roundness", 0.05),
+        ("wheel.inertia", 0.2), ("wheel.mass", 0.2),
+    )  # fmt: skip
+    step: float = 0.02  # of that, over which differences are taken
+    worth: float = 0.5  # share of the gap that must follow to first order for a refit: time
+    tried: int = 2  # of which the best are refitted: time
+
+
+@dataclasses.dataclass(frozen=True)
 class Settings:
     """All of them."""
 
@@ -898,6 +914,7 @@ class Settings:
     rig_evidence: RigEvidenceSettings = RigEvidenceSettings()
     shown: ShownSettings = ShownSettings()
     sizes: SizesSettings = SizesSettings()
+    unlisted: UnlistedSettings = UnlistedSettings()
     stretches: StretchesSettings = StretchesSettings()
     verdict: VerdictSettings = VerdictSettings()
     experiment: ExperimentSettings = ExperimentSettings()

@@ -76,6 +76,10 @@ class AbstractEvidence(abc.ABC):
     def remarks(self) -> list[str]:
         """How the prediction was made, in sentences."""
 
+    def unlisted(self, fit: Fit) -> list[str]:
+        """Which numbers that were taken for exact would close a fit's gap, in sentences."""
+        return []
+
     def clocks(self, fit: Fit) -> list[str]:
         """How far the loggers' clocks are apart at a fit, in sentences."""
         return []

@@ -114,6 +114,11 @@ class RigEvidence(AbstractEvidence):
 
         return misshapen(self.model, fit, self.alike)
 
+    def unlisted(self, fit):
+        from .unlisted import unlisted
+
+        return [x.said() for x in unlisted(self.model, fit, self.closing)]
+
     def experiment(self, rivals):
         from .experiment import next_experiment
 

@@ -29,5 +29,6 @@ from .start_angles import without_encoder as without_encoder
 from .tangents import encoder_shifted as encoder_shifted
 from .tangents import reshaped as reshaped
 from .tangents import shape_along as shape_along
+from .uncertain import rig_priors as rig_priors
 from .unit_laws import Context as Context
 from .wheels import wheel_tables as wheel_tables
