@@ -196,6 +196,26 @@ def _judged_by(searched: Searched) -> Verdict:
     judged = _judged(evidence, outcome, shown, first, last, changing, bent)
     if judged.verdict == "unknown":
         judged = _beside_doubt(evidence, outcome, shown, first, judged, bent)
+    return _beside_unlisted(evidence, outcome, judged)
+
+
+def _beside_unlisted(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> Verdict:
+    """The verdict, but that several effects are not named where fewer numbers explain as much.
+
+    Numbers that the rig file takes for exact: a part out of its tolerance imitates many laws.
+    """
+    count = len(outcome.fit.free)
+    if judged.verdict not in ("named", "ambiguous") or len(outcome.fit.point.effects) < 2:
+        return judged
+    evidence.model.tell("asking whether a number that was taken for exact stands for all of them")
+    equal = outcome.fit.cost + evidence.model.settings.equal
+    for other in evidence.unlisted(outcome.baseline):
+        if len(other.numbers) < count and other.cost < equal:
+            text = (
+                f"{other.path}, which the rig file takes for exact, explains the runs as well as "
+                f"{len(outcome.fit.point.effects)} effects"
+            )
+            return dataclasses.replace(judged, verdict="unknown", reason=text)
     return judged
 
 
@@ -222,7 +242,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         scores = outcome.scans[0].best_per_name() if outcome.scans else []
         learned = evidence.learn(outcome.baseline, scores, tell)
         tell("asking whether a number that was taken for exact is off")
-        beside = [*beside, *evidence.unlisted(outcome.baseline)]
+        beside = [*beside, *(x.said() for x in evidence.unlisted(outcome.baseline))]
         if learned is None:
             beside = [*beside, *evidence.without_term]
         else:

@@ -25,6 +25,32 @@ class Misshapen:
     share: float
 
 
+@dataclasses.dataclass(frozen=True)
+class Unlisted:
+    """A number, of every wheel where it is one of theirs, that the rig file does not leave open.
+
+    `numbers` holds by parameter (stated, as it would have to be, 1-sigma), `closed` the share of
+    the held-out runs' gap above the noise that it closes, `cost` that of the refit with it.
+    """
+
+    path: str
+    numbers: dict[str, tuple[float, float, float]]
+    closed: float
+    cost: float
+
+    def said(self) -> str:
+        """The sentence of an answer."""
+        off = [
+            f"{name} {100 * (value / stated - 1):+.3g} ± {100 * sigma / stated:.1g} %"
+            for name, (stated, value, sigma) in self.numbers.items()
+        ]
+        return (
+            f"Numbers that the rig file takes for exact would close {100 * self.closed:.0f} % of "
+            f"the gap: {', '.join(off)}. If the drawing leaves that open, list "
+            f'"{self.path}" under [uncertainty] and diagnose again.'
+        )
+
+
 class AbstractEvidence(abc.ABC):
     """One model with its held-out runs, as verdict, answer and page see it.
 
@@ -76,8 +102,8 @@ class AbstractEvidence(abc.ABC):
     def remarks(self) -> list[str]:
         """How the prediction was made, in sentences."""
 
-    def unlisted(self, fit: Fit) -> list[str]:
-        """Which numbers that were taken for exact would close a fit's gap, in sentences."""
+    def unlisted(self, fit: Fit) -> Sequence[Unlisted]:
+        """Numbers taken for exact that would close the gap of a fit without effects, best first."""
         return []
 
     def clocks(self, fit: Fit) -> list[str]:

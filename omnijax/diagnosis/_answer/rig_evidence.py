@@ -12,7 +12,7 @@ from ...rig import rig_text
 from .._machine import CLOCK, RigModel, locate, without_encoder
 from .._settings import SETTINGS
 from .channels import channel_index, channel_names
-from .evidence import AbstractEvidence
+from .evidence import AbstractEvidence, Unlisted
 from .gap import UNITS
 
 CLEARLY = SETTINGS.rig_evidence.clearly
@@ -35,6 +35,7 @@ class RigEvidence(AbstractEvidence):
         self.model, self.noise, self.faults = model, noise, faults
         self.confirmed_on = confirmed_on
         self._located: dict[int, tuple[Any, ...]] = {}  # by run
+        self._unlisted: dict[bytes, list[Unlisted]] = {}  # by the point asked for last
 
     @property
     def rows(self):
@@ -117,7 +118,10 @@ class RigEvidence(AbstractEvidence):
     def unlisted(self, fit):
         from .unlisted import unlisted
 
-        return [x.said() for x in unlisted(self.model, fit, self.closing)]
+        asked = fit.point.u.tobytes()
+        if asked not in self._unlisted:
+            self._unlisted = {asked: unlisted(self.model, fit, self.closing)}
+        return self._unlisted[asked]
 
     def experiment(self, rivals):
         from .experiment import next_experiment

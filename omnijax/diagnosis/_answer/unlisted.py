@@ -1,7 +1,7 @@
 """Numbers that the rig file takes for exact: which of them, off, would close a gap.
 
 What is not listed under `[uncertainty]` is held as it is stated.  An inertia that is three per cent
-off then leaves a gap that no law closes, and whoever reads of a missing effect looks for a friction.
+off then leaves a gap that one law does not close, and several close it as no machine does.
 """
 
 import copy
@@ -12,36 +12,12 @@ import numpy as np
 from .._machine import RigModel, rig_priors
 from .._search import Fit, Point, Prior, beside_taken, refit, taken_up
 from .._settings import SETTINGS
+from .evidence import Unlisted
 
 TOLERANCES = dict(SETTINGS.unlisted.tolerances)
 STEP = SETTINGS.unlisted.step
 TRIED = SETTINGS.unlisted.tried
 WORTH = SETTINGS.unlisted.worth
-
-
-@dataclasses.dataclass(frozen=True)
-class Unlisted:
-    """A number, of every wheel where it is one of theirs, that the rig file does not leave open.
-
-    `numbers` holds by parameter (stated, as it would have to be, 1-sigma), `closed` the share of
-    the held-out runs' gap above the noise that it closes.
-    """
-
-    path: str
-    numbers: dict[str, tuple[float, float, float]]
-    closed: float
-
-    def said(self) -> str:
-        """The sentence of an answer."""
-        off = [
-            f"{name} {100 * (value / stated - 1):+.3g} ± {100 * sigma / stated:.1g} %"
-            for name, (stated, value, sigma) in self.numbers.items()
-        ]
-        return (
-            f"Numbers that the rig file takes for exact would close {100 * self.closed:.0f} % of "
-            f"the gap: {', '.join(off)}. If the drawing leaves that open, list "
-            f'"{self.path}" under [uncertainty] and diagnose again.'
-        )
 
 
 def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
@@ -68,7 +44,8 @@ def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
         (rest,) = wider.residuals([refitted.point], "held-out")
         closed = 1 - (float(rest @ rest) - model.dof("held-out")) / before
         if closed >= closing:
-            out.append(Unlisted(path, _numbers(model, groups[path], refitted), closed))
+            numbers = _numbers(model, groups[path], refitted)
+            out.append(Unlisted(path, numbers, closed, refitted.cost))
     return sorted(out, key=lambda x: -x.closed)
 
 
