@@ -247,6 +247,10 @@ def unseen(outcome: SearchResult) -> list[str]:
 
 TWINS = {  # effects that a part within its tolerance imitates, and what to list as uncertain
     "creep": ("a wheel radius that is off by the same share", "wheel.radius"),
+    "wheel-radius": (
+        "a sphere radius that is off the other way, where all wheels show it",
+        "sphere.radius",
+    ),
     "sensor-gain": ("a roundness that is off, which scales what gaps do", "wheel.roundness"),
     "motor-gain": ("an inertia that is off, where all wheels show it", "wheel.inertia"),
 }
