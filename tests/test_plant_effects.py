@@ -1,17 +1,17 @@
 """Effects, alone and with others, on rigs drawn anew: the plant's steps close in on `simulate`.
 
 The plant of the benchmarks shares no code with the package.  Its error falls with its step; what is
-left at the finer one is far below what the effect does.  Each run draws some of the effects;
-`OMNIJAX_TEST_EFFECTS=all` takes all of them.
+left at the finer one is far below what the effect does.  Each run draws some of the effects; the
+full suite takes all of them.
 """
 
-import os
 from itertools import pairwise
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from planted import EFFECTS, PROFILES, drawn_machine, in_plants_words, placed
 from seeds import drawn_anew
 from test_plant import load_plant
@@ -79,12 +79,12 @@ def distance(found, expected, n):
     return max(errors)
 
 
-def test_the_plant_closes_in_on_every_effect():
-    rng = drawn_anew("plant against effects")
+@pytest.mark.parametrize("count", [COUNT, pytest.param(len(EFFECTS), marks=pytest.mark.full)])
+def test_the_plant_closes_in_on_every_effect(count):
+    rng = drawn_anew(f"plant against {count} effects")
     n = int(rng.integers(2, 7))
     kinds, wheel = tuple(rng.choice([*PROFILES], n).tolist()), int(rng.integers(n))
-    drawn = rng.permutation([*EFFECTS]).tolist()
-    drawn = drawn if os.environ.get("OMNIJAX_TEST_EFFECTS") == "all" else drawn[:COUNT]
+    drawn = rng.permutation([*EFFECTS]).tolist()[:count]
     together = [tuple(rng.choice(drawn, 4, replace=False).tolist()) for _ in range(SEVERAL)]
     cases = [Case(rng, kinds, wheel, names) for names in (*((name,) for name in drawn), *together)]
     coarse, fine = (of_plant(cases, steps) for steps in STEPS)
