@@ -93,6 +93,15 @@ def torque_size(rig: Rig) -> float:
     return TURNED / rig.size * float(inertia.min())
 
 
+def law_ids(rig: Rig) -> set[str]:
+    """Ids of all laws that may be drawn for the rig."""
+    rng = np.random.default_rng(0)
+    laws = [draw() for draw in (*_elastic(rng, rig), *_turning(rng, rig))]
+    for group in ("dR", "theta", "Omega", "a"):
+        laws += _sensors(rng, rig, group, 1.0)
+    return {name for name, _, _ in laws}
+
+
 def any_laws(rng, rig: Rig, port: str, count: int) -> list[Law]:
     """`count` laws without those of sensors: of the `elastic` machine or of its `turning`."""
     laws = (_elastic if port == "elastic" else _turning)(rng, rig)
@@ -120,7 +129,9 @@ def _elastic(rng, rig: Rig):
         lambda: ("contact-hertz", some(), {"exponent": u(1.2, 1.7)}),
         lambda: ("contact-relaxation", some(),
                  {"K1": u(0.05, 0.5) * contact, "tau": 10 ** u(-2.5, -1)}),
+        lambda: ("lift-off", some(), {}),
         lambda: ("mount-cubic", some(), {"k3": u(0.02, 0.5) * mount / DEFLECTION**2}),
+        lambda: ("mount-backlash", one(), {"gap": u(0.05, 0.3) * DEFLECTION}),
         lambda: ("mount-friction", one(), {"force": u(0.1, 1) * float(w.mass.min())}),
         lambda: ("floor-vibration", "platform",
                  {"amplitude": u(0.1, 2), "frequency": u(2, 40), "phase": u(0, 6),
@@ -170,13 +181,15 @@ def any_sensors(rng, rig: Rig, sizes: dict[str, float], count: int) -> list[Law]
     out: list[Law] = []
     while len(out) < count:
         group = out[0][1].split("_")[0] if out and rng.random() < 0.7 else rng.choice([*sizes])
-        law = _sensor(rng, rig, str(group), sizes[group])
+        laws = _sensors(rng, rig, str(group), sizes[group])
+        law = laws[rng.integers(len(laws))]
         if law[:2] not in [one[:2] for one in out]:
             out.append(law)
     return out
 
 
-def _sensor(rng, rig: Rig, group: str, size: float) -> Law:
+def _sensors(rng, rig: Rig, group: str, size: float) -> list[Law]:
+    """One law of each kind for a group, whose signal is of that size."""
     u = rng.uniform
     end = rng.integers(rig.size) + 1 if group == "theta" else "xyz"[rng.integers(3)]
     channel = f"{group}_{end}"
@@ -198,7 +211,7 @@ def _sensor(rng, rig: Rig, group: str, size: float) -> Law:
     if group == "theta":
         laws.append(("encoder-eccentricity", channel,
                      {"amplitude": u(5e-4, 5e-3), "phase": u(0, 6)}))  # fmt: skip
-    return laws[rng.integers(len(laws))]
+    return laws
 
 
 def with_laws(rig: Rig, laws) -> Rig:

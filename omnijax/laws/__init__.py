@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ._base import field_names as field_names
     from ._generic import GENERIC as GENERIC
     from ._generic import DragTorque as DragTorque
+    from ._generic import LoadFrictionQuadratic as LoadFrictionQuadratic
     from ._generic import MountQuadratic as MountQuadratic
     from ._generic import StiffShaft as StiffShaft
     from ._generic import ViscousAsymmetry as ViscousAsymmetry
