@@ -122,7 +122,7 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
 def _surely_unsteady(
     evidence: AbstractEvidence, explored: Explored, shown: Shown
 ) -> list[Unsteady]:
-    """`unsteady` effects that are so beside all that their numbers leave open too."""
+    """Effects that change over the runs at the fit, and also at its best point within errors."""
     fit = explored.way.fit
     changing = unsteady(evidence.model, fit, evidence.alike)
     point = _granted(evidence, explored.baseline, fit, shown) if changing else None
@@ -135,10 +135,10 @@ def _unsteady_at(evidence: AbstractEvidence, fit: Fit, point: Point) -> list[Uns
 
 
 def _granted(evidence: AbstractEvidence, baseline: Fit, fit: Fit, shown: Shown) -> Point | None:
-    """Where held-out runs are foretold best within what a fit's numbers leave open, or None.
+    """The point within the errors of a fit's numbers that predicts held-out runs best, or None.
 
-    Granted to a set that explains the fitted runs: where much is missing in them, its numbers stand
-    for it.
+    Only for a fit that explains the fitted runs: else its numbers have moved to make up for a
+    missing effect, and their errors mean nothing.
     """
     if _fitted_gap_closed(evidence, baseline, fit, shown) < evidence.closing:
         return None
@@ -154,10 +154,10 @@ def _fitted_gap_closed(evidence: AbstractEvidence, baseline: Fit, fit: Fit, show
 
 
 def beside_doubt(evidence: AbstractEvidence, baseline: Fit, fit: Fit) -> Shown:
-    """The noise shown beside a fit, once what its numbers leave open is granted.
+    """The noise shown beside a fit whose numbers may move within their errors.
 
-    What is left of a mode that held-out runs alone excite hangs on the machine's state and has a
-    colour: it was taken for the noise's, and the search made again.
+    A mode that only held-out runs excite leaves a residual that depends on the machine's state and
+    has a colour.  Without this step that colour counts as the noise's, and the search is repeated.
     """
     shown = shown_noise(evidence, fit.point)
     if not any(shown.structure.values()):
@@ -168,9 +168,10 @@ def beside_doubt(evidence: AbstractEvidence, baseline: Fit, fit: Fit) -> Shown:
 
 
 def explained(model, way: SearchPath) -> bool:
-    """Whether some candidate explains what matters of what is left and was weighed as noise.
+    """Whether some candidate explains a material part of the residual that counted as noise.
 
-    On the held-out runs too: what wanders leaves a drift in every run, but in each another one.
+    It has to do so on the held-out runs too: a wandering channel drifts in every run, but each time
+    by another amount.
     """
     least = 0.5 * model.settings.material * model.dof("train")
     sure = model.settings.sure
@@ -178,7 +179,7 @@ def explained(model, way: SearchPath) -> bool:
 
 
 def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, shown: Shown):
-    """(what was found, the limits, the noise shown): of a search whose noise is right."""
+    """(the search's result, the limits, the noise shown), after the review of what it accepted."""
     outcome = search.reviewed(explored)
     limits = _limits(evidence.model, outcome)
     names = sorted(e.name for e in explored.way.fit.point.effects)
@@ -188,7 +189,7 @@ def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, sh
 
 
 def _judged_by(searched: Searched) -> Verdict:
-    """The verdict of what was searched; what the calibration leaves open is granted."""
+    """The verdict of a search; an `unknown` is judged again with numbers within their errors."""
     evidence, outcome, shown, *_ = searched
     (first, _), (last, _) = (_left(evidence, x.point) for x in (outcome.baseline, outcome.fit))
     changing = unsteady(evidence.model, outcome.fit, evidence.alike)
@@ -228,7 +229,7 @@ def _left(
 
 
 def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagnosis:
-    """The answer of a search; `beside` its reason further sentences are said."""
+    """The answer of a search; the sentences `beside` follow the verdict's reason."""
     evidence, outcome, shown, earlier, limits = searched
     model, noise = evidence.model, noise_table(evidence, shown, earlier)
     (first, before), (last, after) = (

@@ -28,8 +28,8 @@ class DiagnoseSettings:
 
     mostly: float = 1.25  # RMS of a channel over its white part, below which all of it is noise
     errors: float = 4.0  # 1-sigma of a measured level, up to which the model may show more
-    slack: float = 0.05  # of it, and so much more
-    above: float = 2.0  # times a level that nobody measured, up to which the same holds
+    slack: float = 0.05  # share of the level that is allowed beside those `errors`
+    above: float = 2.0  # factor over a declared or assumed level, up to which the model may show
 
 
 @dataclasses.dataclass(frozen=True)
@@ -318,7 +318,8 @@ class WhereSettings:
     orders: int = 40
     beside: int = 8  # bands on either side that a line is compared with
     width: float = 0.5  # Hz, of a band: a line that stays put stays in it
-    least: float = 1e-4  # length that levelling must leave of a column of 1: less is rounding
+    # length that a column of length 1 must keep once line and mean are taken off: less is rounding
+    least: float = 1e-4
     bins: int = 12  # of a state, equally filled
     block: int = 125  # samples of a shuffled block, or a share of a short run
     pieces: int = 16  # of it at least

@@ -149,7 +149,7 @@ def rest_length(run: Recording) -> int:
 
 
 def _from_quiet(runs: Sequence[Recording], group: str) -> _Estimate | None:
-    """From the quietest stretches, if they are alike as stretches of pure noise would be.
+    """From the quietest stretches of raw readings, if they scatter as stretches of pure noise do.
 
     Under white noise the 10th and the 30th percentile of the stretches' levels have a known ratio;
     where the data's differs, the quietest stretches still move and say nothing about the noise.
@@ -181,6 +181,8 @@ def _level(pieces: Sequence[np.ndarray]) -> _Estimate | None:
     """White noise from third differences, or higher ones where they are clearly less.
 
     The order is chosen for all columns together: by column, chance alone would pick the lower.
+    The pieces are rest, where all that differs is noise, so their mean square counts.  A residual
+    of the diagnosis may hold bursts: `diagnosis/_search/levels.py` takes the median of windows.
     """
     best = None
     for order in ORDERS:

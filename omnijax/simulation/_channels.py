@@ -30,7 +30,10 @@ def trajectory(
 
 
 def sample(model: Model, drive, start, t, state: State) -> dict[str, jax.Array]:
-    """Every channel at one instant."""
+    """Every channel at one instant.
+
+    `_modal` writes the slip margin mu N - |f| out again, as of many runs it keeps only the least.
+    """
     rig, force, since = model.rig, drive.force(t), t - start
     n = rig.size
     if isinstance(drive, SpeedDrive):

@@ -48,7 +48,10 @@ class SteadyRun(LongRun):
         return self._extreme("greatest")
 
     def slip_margin(self) -> Float[Array, " n"]:
-        """Least mu N - |f| of each contact, N: the other half."""
+        """Least mu N - |f| of each contact, N: the other half.
+
+        As the lesser of two linear figures, mu N - f and mu N + f, which one search finds.
+        """
         return self._extreme("slip_margin")
 
     def _extreme(self, name: str) -> Float[Array, " n"]:

@@ -59,18 +59,18 @@ def judge(
 
     `confirmed_on` says what they are residuals of, where no run was held out.
 
-    Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
+    Only a gap that depends on the machine's state makes an answer `unknown`; whether it does is
+    tested at `where`'s false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
-    share of the held-out gap that a named set has to close, in whole and in each channel (but for
-    what strong effects elsewhere leave there), `alike` the one by which held-out runs
-    may show an effect at another size (what is more than a rig's prediction may be off is said);
-    `unsteady` effects change over the runs or between them.
-    `far` are stretches of the held-out runs that no noise of their channel explains.  Where a
-    function of the machine's state is left in that channel too, the answer is no `none`, however
-    short they are against the run; and nothing is named that does not close as much of them as it
-    has to of the whole.  `fitted` is the share that a set closes of the fitted runs' gap, where
-    nothing is named that closes less than that either.  Beside `bent` effects another function of
-    their input is left.
+    share of the held-out gap that a named set has to close, in whole and in each channel (a small
+    rest that strong effects of other channels leave is allowed), `alike` the relative difference
+    of size at which held-out runs may show an effect (the text says it where it exceeds a rig's
+    prediction error); `unsteady` effects change over the runs or between them.
+    `far` are stretches of the held-out runs that no noise of their channel explains.  Where that
+    channel's residual depends on the machine's state, such a stretch, however short, rules out
+    `none`, and a set is named only if it closes the share `closing` of the stretch too.  `fitted`
+    is the share of the fitted runs' gap that the set closes; it has to reach `closing` as well.
+    The residual beside `bent` effects holds another function of the effect's own input.
     """
     first, last = squares(before), squares(after)
     floor = _floor(shown, "held-out", last)
@@ -209,7 +209,7 @@ def _without_effects(
 
     `off` is a stretch there that is no noise.
 
-    What some law foretells and held-out runs surely show, though not of its size, is no noise.
+    If held-out runs surely show the change of some law at another size, the answer is `unknown`.
     """
     if open_:
         text = f"a gap in {', '.join(open_)} that no known effect closes on {who}"

@@ -51,7 +51,7 @@ def reading_of(
 ) -> LinearReading:
     """The readings about a group's `values` (samples, c): `late` by its delays, or on time.
 
-    What is read on time was read later by these.
+    A reading that is put on time was taken by the sensor later, by its delay.
     """
     time = run.time if late else run.time + offset_of(rig, group)
 
@@ -64,9 +64,9 @@ def reading_of(
 
 
 def outputs_on_time(rig: Rig, run: Run, group: str, columns: int) -> np.ndarray:
-    """Measured outputs (samples, columns) less the delays of their sensors: as noisy as they are.
+    """Measured outputs (samples, columns) less the delays of their sensors; their noise stays.
 
-    What is not read before the run ends is not known.
+    The last values, which a late sensor would show only after the end of the run, are NaN.
     """
     measured = run.outputs.get(group)
     if measured is None:
@@ -89,12 +89,12 @@ def values_behind(
     rig: Rig, group: str, run: Run, measured: np.ndarray, start: np.ndarray, rolls: bool,
     smoother: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:  # fmt: skip
-    """The values (samples, c) of which the group's sensors show the `measured` ones, as noisy.
+    """The values (samples, c) of which the group's sensors show the `measured` ones; noise stays.
 
-    `measured` is on time already.  By Newton steps from `start`, that say also what a sensor shows
-    none of: the sign that it loses; NaN where one stands at its limit, or the step leads there: the
-    value may lie beyond.  The `smoother` of values gives what a step begins from, as noise would
-    grow if a lag were undone in it.
+    `measured` is on time already.  Newton steps begin at `start`, which decides what the sensor
+    does not show: a lost sign.  NaN where a sensor stands at its limit or a step leads there, as
+    the value may lie beyond.  Each step begins from values that `smoother` has smoothed: undoing a
+    lag amplifies noise.
     """
     behind, ambiguous = start, folds(rig, group)
     values = start
@@ -123,9 +123,9 @@ def begin_of(
 ) -> np.ndarray:
     """By channel the value (c,) that, added to a `course` (samples, c), shows the `measured` best.
 
-    A sensor that loses the sign or stands at its limit shows many values alike at one moment; over
-    a run few courses.  Each of some moments says where the run may have begun, with its reading's
-    sign and with the other; Newton steps lead from there.  Zero where nothing was measured.
+    Where a sensor loses the sign or stands at its limit, one reading fits many values, but a whole
+    run fits few courses.  The readings at some moments, each with both signs, give the begins from
+    which Newton steps start; the best end is returned.  Zero where nothing was measured.
     """
     moments, read = np.linspace(0, run.samples - 1, BEGINS).astype(int), filled(measured)
     signed = np.concatenate([read[moments], -read[moments]])

@@ -109,6 +109,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linear
         return np.broadcast_to(np.asarray(x), m.theta.shape)
 
     contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
+    # `dynamics.contact_forces` without laws: NumPy's arrays of all fine points at once
     normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
     slow, torque = thin(m), commanded(rig, run)
     moments = rotation_moments(rig, slow, torque[::THIN], normal[::THIN])

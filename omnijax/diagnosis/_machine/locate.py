@@ -90,10 +90,10 @@ def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
 def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
     """The residual of run `i`, and by what is taken as constant its changes with those numbers.
 
-    They are tables (samples, channels), those of a number's own size, of an angle's radian where it
-    is zero.  One quantity of all wheels is one entry, and so is every effect.  A wheel's radius
-    scales its measured angle: of that change what is left of the angle is no part, else noise of
-    its own would be found in it.
+    They are tables (samples, channels), per relative change of the number, or per unit of one that
+    is 0.  The same quantity of all wheels is one entry, and so is every effect.  A wheel's radius
+    scales its measured angle; that part of the change is left out, as the angle's noise would be
+    compared with itself.
     """
     free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
     values = np.array([value_of(point, f) for f in free])

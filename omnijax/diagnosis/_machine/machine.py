@@ -77,7 +77,7 @@ class Rotated:
     acceleration: np.ndarray  # (FINE points, 3) rad/s^2
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
     length: np.ndarray  # (samples, n) rad, what S(theta) should be
-    # (FINE points, n) N under which laws at the contact patches acted, for its integral to hold
+    # (FINE points, n) N, normal forces with which the laws at the contact patches were integrated
     normal: np.ndarray
 
 
@@ -101,7 +101,7 @@ class Predicted(NamedTuple):
         return Predicted(elastic, rotated.Omega, turning, missed, late)
 
     def changed(self, change: Change) -> "Predicted":
-        """With what stepped laws add."""
+        """The prediction plus the change that laws stepped in time make."""
         late = self.late
         both = kept_for_loggers(lambda s: late(s) + change.late(s))
         return self._replace(elastic=self.elastic + change.now, late=both)
@@ -184,7 +184,7 @@ class Machine:
             self._begin(basis, "rotated", "predicted")
 
     def _begin(self, basis: Basis, *stages: str) -> None:
-        """About another basis; `stages` hang on what is new in it (none given: all of runs do)."""
+        """Take another basis and drop the kept `stages` that depend on it (none given: all)."""
         self.basis = basis
         self._kept.forget(*stages, but=OF_THE_RIG)
 

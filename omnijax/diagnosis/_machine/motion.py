@@ -267,7 +267,10 @@ def angles_of(rig: Rig, runs: list[Run]) -> tuple[float, float]:
 
 
 def rolling_radius(rig: Rig, m: RunMotion) -> np.ndarray:
-    """Radius (FINE points, n) m at which every wheel rolls: with its shape and its creep."""
+    """Radius (FINE points, n) m at which every wheel rolls: with its shape and its creep.
+
+    `dynamics.rolling_radius` of a whole motion, whose creep factors were evaluated once.
+    """
     return m.factor * (np.asarray(rig.wheel_radius) + m.shape)
 
 

@@ -242,11 +242,11 @@ class RigModel(AbstractModel):
         return Machine(self.rig, self._runs, self.noise, self.window)
 
     def rebase(self, point):
-        """About the point at once where nothing was asked before, unless a run begins rolling.
+        """Prepare about the point; where no machine was made yet, make it about the point at once.
 
-        How it rolls at its start is told about the stated rig first.  Start angles of wheels
-        without encoder are those that the point's own laws ask for: what they are off counts in the
-        rows' covariance, but as the machine without laws answers.
+        Where a run begins rolling the machine is made about the stated rig first, which tells the
+        state at its start.  Start angles of wheels without encoder are estimated with the point's
+        laws; their uncertainty enters the rows' covariance through the machine without laws.
         """
         about = self.rig_at(point)
         if "machine" in vars(self) or any(run.rolling_start(self.noise) for run in self._runs):
@@ -271,9 +271,9 @@ class RigModel(AbstractModel):
     def as_noise(self, less, fit, effect):
         """A drift is straight and alike in all runs; a channel that wanders looks so in one.
 
-        Beside both stands noise of whatever colour explains most of what they leave.  Without the
-        drift that is the likelier of a refit and of the other numbers as they are with it: a refit
-        by noise of another colour may have moved them.
+        The residuals with and without the drift are each weighed under the noise colour that suits
+        them best.  Without it, the likelier of two points counts: the refit, and the fit with the
+        drift alone removed (the refit, under another colour, may have moved the other numbers).
         """
         if effect.id != "sensor-drift" or effect.place not in ELASTIC_CHANNELS:
             return False
@@ -380,7 +380,7 @@ class RigModel(AbstractModel):
         return tuple(kept)
 
     def columns(self, point, candidates: Sequence[Candidate]):
-        """In single precision, for they are many; what hangs on the start is taken off before."""
+        """In float32, as there are many; the start's directions are taken off in float64 first."""
         placed = [cast(Placed, p) for c in candidates for p in c.columns]
         # those that the candidates were chosen at; they are large, and kept no longer
         bases, self._bases = self._bases or self.bases(point), []
@@ -417,7 +417,7 @@ class RigModel(AbstractModel):
         return np.concatenate([self._differences(rig, before, [p], [WEAK]) for p in placed])
 
     def through_laws(self, point, candidates, steps):
-        """As COARSE as laws are ranked: what steps miss is nearly the same with and without."""
+        """Uses the coarse step of the ranking: the step error nearly cancels in the difference."""
         placed = [cast(Placed, p) for c in candidates for p in c.columns]
         sizes, rig = np.concatenate(steps), self.rig_at(point)
         self.work += len(placed)

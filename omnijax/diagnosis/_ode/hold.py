@@ -13,7 +13,7 @@ from .model import OdeModel
 from .programs import Programs
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
-# half a sample more on the one looks like the other, where the reading is not known
+# half a sample of delay looks like a held input that is read as linear
 TIMES = {"actuator-delay": "delay", "actuator-lag": "tau"}
 READ = ("linear", "held")
 
@@ -68,8 +68,8 @@ def better_reading(
 ) -> HoldReading | None:
     """The other reading where it explains the train runs better than a fit, or None.
 
-    Also where it does as well without a delay or lag that this one needs: half a sample late is
-    what a held input is.  There a lag may be what is a delay here, or the other way round.
+    Also where it does as well without a delay or lag that this reading needs, as a held input acts
+    half a sample late.  A delay of this reading is tried as a lag with the other, and the reverse.
     `programs` are those of the models of this case (`build_model`).
     """
     if not reading.open:
@@ -90,7 +90,7 @@ def better_reading(
 
 
 def _otherwise(effects: Sequence[Effect], known: set[str]) -> list[list[Effect]]:
-    """Sets to try with the other reading: less of what is late first."""
+    """Sets of effects to try with the other reading, those with fewer delays and lags first."""
     late = [e for e in effects if e.id in LATE]
     sets = [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
     sets += [[e for e in effects if e is not one] for one in late]
@@ -103,7 +103,7 @@ def _otherwise(effects: Sequence[Effect], known: set[str]) -> list[list[Effect]]
 
 
 def _above(model: OdeModel, fit: Fit, twin: OdeModel, there: Fit) -> float:
-    """By how much more another reading costs, with log N a number; a balance by its colour."""
+    """Cost of the other reading less this one's, log N a number; coloured noise for a balance."""
     more = total_cost(there) - total_cost(fit)
     if model.steps_in_time:
         return more

@@ -160,7 +160,7 @@ class OdeModel(AbstractColoured):
 
     @contextlib.contextmanager
     def _prepared(self):
-        """In which `rebase` may be called: after it all is prepared as it was before."""
+        """A block in which `rebase` may be called; at its end the preparation is restored."""
         begun, bases, open_ = self.evaluation.starts, dict(self.starts.bases), self._undecided
         try:
             yield
@@ -171,17 +171,18 @@ class OdeModel(AbstractColoured):
         return self.steps_in_time
 
     def frees(self, effect):
-        """A late sensor or drive: of the time before a window."""
+        """A late sensor or drive frees the motion before each window, which it still shows."""
         return any(matters([self.laws[effect.id]]))
 
     def astray(self, fit):
-        """Free runs whose starts stand for what is missing: far from the noise, all of them."""
+        """Free runs that miss by far more than noise: their starts have moved to hide the gap."""
         return self.steps_in_time and fit.chi2 > self.settings.nearly * self.dof("train")
 
     def on_its_own(self, fit):
-        """With its own starts: what a late sensor shows of the past is free only there.
+        """The fit refitted with starts of its own, which free the past that a late sensor shows.
 
-        From where the floor's refit of the same laws ended too: the better of both.
+        Where it began elsewhere, also from the end of the floor's refit of the same laws; the
+        cheaper of both counts.
         """
         if not self.steps_in_time:
             return super().on_its_own(fit)

@@ -41,7 +41,11 @@ class Level:
 
 
 def white_level(values: np.ndarray) -> tuple[float, float]:
-    """Level of the white part of `values` (n,), NaN where missing, and its relative 1-sigma."""
+    """Level of the white part of `values` (n,), NaN where missing, and its relative 1-sigma.
+
+    The median of windows, as a residual of moving machines may hold bursts that are no noise.
+    `recording/_noise.py` sees rest alone and takes the mean square, which scatters less.
+    """
     best = (math.nan, math.nan)
     for order in ORDERS:
         square = noise_squares(values, order)

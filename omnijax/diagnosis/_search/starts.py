@@ -1,8 +1,8 @@
 """Where joint refits begin: candidates by tangent, or at finite strength where effects are strong.
 
-A tangent at zero ranks a weak effect right.  A strong one bends its own signature, and it drives
-the calibration off, where every signature is wrong: then each law that is stepped in time is tried
-at a ladder of strengths, the baseline refitted to first order, about the stated machine.
+A tangent at zero ranks a weak effect right.  A strong effect bends its own signature and pulls the
+calibration away, where every signature is wrong.  Then each law that is stepped in time is tried
+about the stated machine at a ladder of strengths, with the baseline refitted to first order.
 """
 
 import dataclasses
@@ -56,9 +56,9 @@ def other_lines(
 ) -> dict[str, list[Start]]:
     """By name the starts of lines that explain nearly as much as the best one of `scores` does.
 
-    The number of a line, so many waves a turn or a second, leads no refit from one to another, and
-    its tangent is less than the line where the number is a little off: which is right, shows once
-    each is refitted.
+    A refit does not move a line's number (waves a turn, or a second) from one line to another, and
+    a number that is a little off lowers the gain of the right line.  So each is refitted, and the
+    refits are compared.
     """
     out = {}
     for best in scores:
@@ -80,11 +80,10 @@ def at_finite_strength(
 ) -> list[Start]:  # fmt: skip
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs.
 
-    Where the calibration ran off they are tried about the stated machine, and those `leading` by
-    their tangents about the calibrated one too.  Laws without a strength that change nothing about
-    the calibrated machine are tried about the stated one in any case, and those without any number
-    that change less there than is missed: the calibration has bent to what they do.  Numbers of
-    which the runs tell one combination are tried at the ends of their valley too.
+    Where the calibration ran off, all are tried about the stated machine, and the scores `leading`
+    also about the calibrated one.  The laws of `_hidden` are always tried about the stated machine:
+    the calibration has bent to what they do.  Where the runs tell only one combination of some
+    numbers, starts stand at the ends of that valley too.
     """
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
@@ -110,9 +109,10 @@ def at_finite_strength(
 
 
 def _hidden(model: AbstractModel, fit: Fit, scores: Sequence[Score]) -> list[Score]:
-    """Those of laws that change nothing about the fit, or have no number and change little there.
+    """Scores of laws that change nothing about the fit, or have no number and change little there.
 
-    Less than is missed: it then says nothing of what they do about another machine.
+    "Little" is less than the residual itself.  What such a law does about the stated machine does
+    not show about the fit, so it is tried about the stated one too.
     """
     whole = [s for s in scores if not s.dead and not model.laws[s.candidate.id].parameters]
     effects = [Effect(s.candidate.id, s.candidate.place, {}) for s in whole]
@@ -165,8 +165,8 @@ def _closer(
 ) -> None:
     """Add to `made` starts on both sides of the best one of every law that has one number alone.
 
-    Few limits or times are tried of such a law, and between two of them all that it explains may
-    be lost.  Of those alone that promise a share of what the best one does, by name.
+    The grid of such a number (a limit, a time) is coarse, and the law may explain nothing at two
+    neighbours that enclose the right value.  Only for names that gain a share of the best gain.
     """
     least = min((s.cost for starts in made.values() for s in starts), default=cost)
     for starts in made.values():
@@ -194,10 +194,10 @@ def beside_waves(
 ) -> list[Start]:
     """The best start of sensors' laws in `scores`, waves' numbers sought beside each of its values.
 
-    A reading that is late, or slow, is out of step with the angles: waves' numbers that bring it
-    back into step are wrong, and no tangent leads from them to the right ones.  So they are scanned
-    beside the law.  By names, the most promising first, up to one that promises a cost of `enough`.
-    None where no number is a wave's.
+    A late or slow reading is out of step with the angles.  The calibration then finds wrong numbers
+    of waves that hide this, and no tangent leads from them to the right ones; so these numbers are
+    scanned beside each law.  Names with the largest gain come first, and the scan ends once a start
+    costs less than `enough`.  Empty where no number is a wave's.
     """
     laws: dict[str, list[Score]] = {}
     for s in sorted(scores, key=lambda s: -s.gain):
@@ -232,10 +232,11 @@ def _reads(model: AbstractModel, score: Score) -> bool:
 
 
 def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:
-    """Every variant of the names of `ids` whose best one explains a `share` of what any does.
+    """Variants of laws `ids` whose best one gains more than a `share` of the largest gain.
 
-    And all that change nothing where the model without them ends: a calibration to a speed that
-    lost its sign foretells one sign alone, and losing it changes all about the stated machine.
+    Also the variants that change nothing about the calibrated machine.  An example is a sensor
+    that loses the sign: the calibration has bent to its readings and predicts one sign alone, but
+    about the stated machine the law changes everything.
     """
     best: dict[str, float] = {}
     for s in scan.scores:
@@ -249,7 +250,7 @@ def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:
 
 
 def without_strength(model: AbstractModel) -> set[str]:
-    """Laws without a strength, which no multiple of a signature is, and quickly tried."""
+    """Laws without a strength, not stepped in time: no multiple of a signature, quickly tried."""
     return {
         k for k, law in model.laws.items()
         if law.port not in STEPPED and not strengths(law)
@@ -277,10 +278,10 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
 
 
 def likelier(starts: Sequence[Start]) -> list[Start]:
-    """The start of every (id, place) that promises most.
+    """The start of every (id, place) with the lowest estimated cost.
 
-    A tangent does not tell what a strong delay explains; a finite one beside a calibration to
-    first order does not where that has to follow far.
+    Both estimates can fail: a tangent at a strong delay, and a finite delay where the calibration
+    has to follow further than to first order.
     """
     best: dict[str, Start] = {}
     for start in starts:

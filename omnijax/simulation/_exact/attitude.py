@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...dynamics import pseudoinverse
+from ...dynamics import pseudoinverse, quaternion_of, quaternion_product
 from ...rig import Rig, over_wheels
 from .._drives import SpeedDrive
 from .constant import Response
@@ -44,16 +44,10 @@ def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response, first) -> Flo
 
 def compose(angles: Float[Array, "t 3"], first: Float[Array, "4"]) -> Float[Array, "t+1 4"]:
     """Attitudes from `first` on after successive turns by rotation vectors (rad, inertial)."""
-    square = jnp.sum(angles**2, axis=1, keepdims=True)
-    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-    half = jnp.where(square > 0, jnp.sin(size / 2) / size, 0.5)
-    cosine = jnp.where(square > 0, jnp.cos(size / 2), 1.0)
-    turns = jnp.concatenate([cosine, half * angles], axis=1)
 
     def on(q, turn):
-        w, v = q[0], q[1:]
-        vector = turn[0] * v + w * turn[1:] + jnp.cross(turn[1:], v)
-        q = jnp.concatenate([jnp.atleast_1d(turn[0] * w - turn[1:] @ v), vector])
+        q = quaternion_product(turn, q)
         return q, q
 
+    turns = jax.vmap(quaternion_of)(angles)
     return jnp.concatenate([first[None], jax.lax.scan(on, first, turns)[1]])

@@ -1,7 +1,7 @@
 """Exact propagation at constant speeds: any time is reached in a few products.
 
 The response is a sum over signals.  Each signal's forced curve from rest over one period is known
-(`_ladder`); states at the starts of later periods follow from powers of the period's affine map;
+(`expm.py`); states at the starts of later periods follow from powers of the period's affine map;
 what the start leaves over decays freely:
 
     s(t) = sum_g [c_g(u) + exp(A tau(u)) S_g,j] + exp(A (t - t0)) (s0 - sum_g c_g(u0))
@@ -70,7 +70,7 @@ def _places(cycle: PeriodicSignal, elapsed):
 
 
 class Decay(NamedTuple):
-    """Free motion over one period of each signal, on a ladder (`_ladder.ladder`)."""
+    """Free motion over one period of each signal, on a ladder (`expm.squarings`)."""
 
     generator: Float[Array, "g m m"]
     levels: Float[Array, "g L m m"]

@@ -7,7 +7,8 @@ forcing (powers of x = 2v - 1, cosines and sines) form one autonomous system
 
 so z(v) = exp(F v) z(0) holds the particular solution too: resonance, equal and defective
 eigenvalues and pieces of no length need no special case.  exp is by scaling and squaring; the
-ladder exp(F 2^(j - scale)) of the squarings reaches any v in a few products.
+ladder exp(F 2^(j - scale)) of the squarings reaches any v in a few products.  (`_solve/phi.py`
+doubles phi functions of a step instead, at one fixed number of doublings and for no ladder.)
 """
 
 from typing import NamedTuple

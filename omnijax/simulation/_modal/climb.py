@@ -178,7 +178,11 @@ def _newton(total, parts: list[list[Array]], steps, inwards: list[Array]):
 
 
 def _inverted(S: Float[Array, "3 3 c"]) -> tuple[Float[Array, "3 3 c"], Bool[Array, " c"]]:
-    """The inverses of symmetric matrices, and which of them are positive definite."""
+    """The inverses of symmetric matrices, and which of them are positive definite.
+
+    `dynamics._small.inverse` by cofactors once more, but of many matrices along the last axis: a
+    `vmap` of that would move the lanes to the front.  The cofactors also tell the definiteness.
+    """
     cofactor = jnp.stack([jnp.cross(S[1], S[2], axis=0), jnp.cross(S[2], S[0], axis=0),
                           jnp.cross(S[0], S[1], axis=0)])  # fmt: skip
     det = summed(S[0] * cofactor[0])

@@ -112,7 +112,8 @@ class PhaseCycle(NamedTuple):
 def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> PhaseCycle:
     """The phases' signals as arrays.
 
-    One with edges that a phase lacks has the edges of its first, or none but at its period's begin.
+    A phase that lacks one of the edged signals is given the edges of its first signal; where it has
+    none, one edge at the period's begin.
     """
     endless = [_endless(signals, layout, numbers) for numbers in phases.endless]
     kinds = [layout.kinds[i] for numbers in phases.edged for i in numbers if i != LACKING]

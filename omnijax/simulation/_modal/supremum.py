@@ -45,7 +45,7 @@ CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
 ASCENDS = 3  # rounds of Newton's method of a phase alone
 NEARER, NEAREST = 3, 5  # and of all phases: in every sum, then in the longest
 LOOKED = 8  # points looked at together
-LOW = -1e300  # of no maximum; a number, as the last bits of infinities tell nothing
+LOW = -1e300  # stands for "no maximum": finite, as `_tagged` writes an index into its last bits
 _MASK = 63  # of the bits that tell which of up to 64 values a maximum is
 
 
@@ -236,9 +236,10 @@ def _along(d, x):
 def _exchanged(held, every: Float[Array, "s d o c"], begin: Bool[Array, "d c"], follow=None):
     """The sum (o, c) of a point of each phase (s, o, c), and which (s, d, c) of `every` they are.
 
-    Begun with the same of all, each phase in turn takes the point that makes the sum longest;
-    looking along the sum instead would keep points that are best only beside those that are there.
-    `follow` (s, o, o, c): matrices of `following`, by which the others go on then; else they stay.
+    All phases begin with the same direction's point.  Then each in turn takes the point that makes
+    the sum longest.  (The point furthest along the present sum would be the best only beside the
+    others' present points.)  With the matrices `follow` (s, o, o, c) of `following`, the others
+    move to their new maxima meanwhile; without, they stay.
     """
     picks = jnp.broadcast_to(begin, (len(every), *begin.shape))
 

@@ -1,4 +1,9 @@
-"""The phi functions of exponential methods: phi_j(z) = int_0^1 exp((1 - u) z) u^(j-1)/(j-1)! du."""
+"""The phi functions of exponential methods: phi_j(z) = int_0^1 exp((1 - u) z) u^(j-1)/(j-1)! du.
+
+By a series of a small step and doublings, as `_exact/expm.py` squares an exponential.  The two stay
+apart: here phi_1 ... phi_3 are doubled along with it and 14 doublings suit every step, there the
+levels in between are kept, as a ladder to any time, and their number follows the rates.
+"""
 
 import math
 
