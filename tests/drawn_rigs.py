@@ -93,13 +93,12 @@ def torque_size(rig: Rig) -> float:
     return TURNED / rig.size * float(inertia.min())
 
 
-def law_ids(rig: Rig) -> set[str]:
-    """Ids of all laws that may be drawn for the rig."""
-    rng = np.random.default_rng(0)
+def every_law(rng, rig: Rig) -> list[Law]:
+    """One draw of each law that `any_laws` and `any_sensors` choose from."""
     laws = [draw() for draw in (*_elastic(rng, rig), *_turning(rng, rig))]
     for group in ("dR", "theta", "Omega", "a"):
         laws += _sensors(rng, rig, group, 1.0)
-    return {name for name, _, _ in laws}
+    return laws
 
 
 def any_laws(rng, rig: Rig, port: str, count: int) -> list[Law]:
@@ -155,8 +154,8 @@ def _turning(rng, rig: Rig):
         lambda: ("motor-ripple", one(), {"amplitude": u(0.02, 0.2) * torque,
                                          "order": rng.integers(1, 13), "phase": u(0, 6)}),
         lambda: ("motor-gain", one(), {"g": u(-0.1, 0.1)}),
-        lambda: ("rolling-resistance", some(), {"arm": u(0.003, 0.03) * arm}),
-        lambda: ("spin-resistance", some(), {"lever": u(0.003, 0.03) * arm}),
+        lambda: ("rolling-resistance", "all", {"arm": u(0.003, 0.03) * arm}),
+        lambda: ("spin-resistance", "all", {"lever": u(0.003, 0.03) * arm}),
         lambda: ("air-drag", "sphere", {"D": u(0.01, 0.1) * on_sphere}),
         lambda: ("unbalance", "sphere", {"offset": rng.normal(size=3) * u(0.02, 0.2) * on_sphere
                                          / (9.81 * float(rig.sphere.mass))}),

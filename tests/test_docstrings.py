@@ -33,6 +33,25 @@ def test_every_function_says_what_it_raises(name):
     assert "Raises" in text(name)
 
 
+SHAPED = [
+    "Trajectory", "Rig", "Recording", "Study", "SteadyState", "Sensitivity", "Modes", "simulate",
+    "sweep", "propagate", "speeds", "torques", "natural_frequencies",
+]  # fmt: skip
+SHAPE = re.compile(r"\((\w+,|\w+(, \w+)+|\w)\)")  # (t,), (t, 3), (n)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_what_holds_or_returns_arrays_names_shapes_and_units(name):
+    said = text(name)
+    assert SHAPE.search(said), said
+    assert len(set(UNIT.findall(said))) > 1 or "SI" in said, said
+
+
+def test_every_channel_of_a_run_is_described():
+    said = text("Trajectory")
+    assert {x for x in omnijax.Trajectory.UNITS if f"`{x}`" not in said} == set()
+
+
 COMPUTING = [
     "simulate", "simulate_many", "propagate", "steady_state", "measured", "evaluate", "modes",
     "natural_frequencies", "order_track", "rpm_order_map", "sensitivity", "global_sensitivity",

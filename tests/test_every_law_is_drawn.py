@@ -1,8 +1,9 @@
 """A law of the library that a random test leaves out is named here, with the reason."""
 
 import pytest
-from drawn_rigs import law_ids
+from drawn_rigs import every_law, with_laws
 from planted import EFFECTS as PLANTED
+from seeds import drawn_anew
 
 from omnijax import laws
 from omnijax.rig import load_rig
@@ -14,8 +15,13 @@ NOT_PLANTED = {  # the plant gives true values; a recording's sensors are compar
 
 
 def test_every_law_is_drawn_for_the_diagnosis():
-    """`tests/drawn_rigs.py`: what is simulated is predicted."""
-    assert law_ids(load_rig("atlas")) == {*laws.EFFECTS}
+    """`tests/drawn_rigs.py`: what is simulated is predicted.  Each may stand where it is drawn."""
+    rng, rig = drawn_anew("every law"), load_rig("atlas")
+    for _ in range(10):
+        drawn = every_law(rng, rig)
+        assert {name for name, _, _ in drawn} == {*laws.EFFECTS}
+        for law in drawn:
+            with_laws(rig, [law])
 
 
 def test_every_law_is_compared_with_the_plant():

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -91,6 +92,12 @@ def test_helpers_of_the_root_import_no_package():
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):
                 assert (node.module or "").split(".")[0] not in ORDER, f"{file}:{node.lineno}"
+
+
+def test_contributors_are_told_the_order():
+    page = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (told,) = (text for text in page.split("\n\n") if " → " in text)
+    assert tuple(re.findall(r"`(\w+)`", told)) == ORDER
 
 
 def test_the_order_names_every_package():

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax import laws, load_laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
@@ -30,7 +31,7 @@ from omnijax.study._evaluation import (
     samples_of,
 )
 from omnijax.study._evaluation.fixed_steps import checked_after, fine_enough, sample_to_check
-from omnijax.study._evaluation.methods import obstacle
+from omnijax.study._evaluation.methods import METHODS, obstacle
 from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
 from omnijax.vibration import evaluate
@@ -81,6 +82,21 @@ def effects_of_a_turn(rig):
     runout = laws.WheelRunout(number(6e-5), number(0.4))
     damaged = laws.DamagedRoller(number(2.0), number(0.5))
     return rig.add(runout, "w1").add(damaged, "w2")
+
+
+def effects_under_torques(rig):
+    """What fixed steps follow beside the linear model: laws of every port that moves a machine."""
+    number = jnp.asarray
+    everywhere = (
+        laws.ContactCubic(number(3e11)), laws.MountCubic(number(3e13)),
+        laws.BearingViscous(number(0.02)), laws.ActuatorLag(number(0.01)),
+        laws.RollingResistance(number(5e-4)),
+    )  # fmt: skip
+    for law in everywhere:
+        rig = rig.add(law, "all")
+    rig = rig.add(laws.MotorRipple(number(0.1), number(3.0), number(0.4)), "w1")
+    rig = rig.add(laws.TorqueOffset(number(0.2)), "w2").add(laws.AirDrag(number(2.0)), "sphere")
+    return linear_effects(rig)
 
 
 def columns_of(rig, drive):
@@ -309,24 +325,37 @@ def drawn_layout(rng):
 
 
 MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
+BULK, STEADY, FIXED = ("bulk",), ("steady", "steady-bulk"), ("fixed",)
 CASES = [  # methods, layout, profiles (none: all gated), effects, values of a quantity
-    (("bulk",), "tripod", None, linear_effects, 3),
-    (("bulk",), "orthogonal", MIXED, effects_of_a_turn, 1),
-    (("bulk",), "four", None, linear_effects, 1),
-    (("steady", "steady-bulk"), "tripod", None, linear_effects, 1),
-    (("fixed",), "tripod", None, plain, 3),
+    (BULK, "tripod", None, linear_effects, 3),
+    (BULK, "orthogonal", MIXED, effects_of_a_turn, 1),
+    (BULK, "four", None, plain, 1),
+    (STEADY, "tripod", None, linear_effects, 1),
+    (STEADY, "four", None, plain, 1),
+    (FIXED, "tripod", None, plain, 1),
+    (FIXED, "orthogonal", None, effects_under_torques, 1),
 ]
+GRID = [
+    (methods, layout, None, effects, 1)
+    for methods, effect in ((BULK, linear_effects), (STEADY, linear_effects),
+                            (FIXED, effects_under_torques))
+    for layout in ("orthogonal", "tripod", "four")
+    for effects in (plain, effect)
+]  # fmt: skip
 MORE = [
-    (("bulk",), "four", None, linear_effects, 3),
-    (("bulk",), "five", None, linear_effects, 3),
-    (("steady", "steady-bulk"), "tripod", None, linear_effects, 3),
+    (BULK, "four", None, linear_effects, 3),
+    (BULK, "five", None, linear_effects, 3),
+    (STEADY, "tripod", None, linear_effects, 3),
+    (FIXED, "tripod", None, plain, 3),
+    *(case for case in GRID if case not in CASES),
 ]
 ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
 def named(case, marks=()):
-    """The case under a name such as `bulk-tripod-3`."""
-    return pytest.param(*case, id=f"{case[0][0]}-{case[1]}-{case[-1]}", marks=marks)
+    """The case under a name such as `bulk-tripod-plain-3`."""
+    methods, layout, _, effects, values = case
+    return pytest.param(*case, id=f"{methods[0]}-{layout}-{effects.__name__}-{values}", marks=marks)
 
 
 @pytest.mark.parametrize(
@@ -342,7 +371,8 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
     rng = np.random.default_rng(len(layout))
     rig = machine(LAYOUTS[layout])
     rig = effects(rig if profiles is None else eqx.tree_at(lambda r: r.profiles, rig, profiles))
-    steady, kind = "steady" in methods, "torque" if "fixed" in methods else "speed"
+    steady, kind = methods == STEADY, "torque" if methods == FIXED else "speed"
+    designs = steady and effects is not plain
     turns = effects is effects_of_a_turn
     ts = None if steady else samples_of(*((0.3, 50.0) if turns else (0.08, 500.0)))
     names = (*METRICS, *OTHERS) if turns else METRICS
@@ -352,7 +382,7 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
     ]
     drive = drawn_drive(rig, rng, kind)
     reference = steady_figures if steady else run_figures(ts, names)
-    for moved in compared(hows, rig, drive, reference, rng, values, designs=steady):
+    for moved in compared(hows, rig, drive, reference, rng, values, designs):
         wanted = {
             f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
             "wheel.w3.mount.damping",
@@ -410,13 +440,46 @@ def test_designs_that_fail_at_long_steps_ask_for_shorter_ones():
     assert checked_after(answer[::2], figures(stable_from[::2], 16))[1]
 
 
-@pytest.mark.parametrize("method", ["bulk", "steady-bulk", "free-run", "propagated"])
+@pytest.mark.parametrize("method", sorted({*METHODS} - {"steady", "propagation", "fixed", "full"}))
 def test_a_method_that_evaluates_no_single_design_is_refused(method):
     """It had been run as a full simulation, whatever it was called."""
     rig = machine()
     how = Evaluation(method, METRICS, times=samples_of(0.01, 500.0))
     with pytest.raises(ValueError, match=f"`{method}` evaluates no single design"):
         how.run(rig, speeds([1.0, 2.0, 3.0]))
+
+
+SWEPT = {  # method of a sweep: how it comes to be taken
+    "bulk": {"duration": 0.08},
+    "propagation": {"duration": 0.08, "gradient": True},
+    "steady-bulk": {},
+    "steady": {"gradient": True},
+    "fixed": {"duration": 0.08},
+    "full": {"duration": 0.08, "solver": "dopri8"},
+}
+LONG = ("propagation", "steady", "full")
+
+
+@pytest.mark.parametrize("method", tiered(SWEPT, lambda method: method in LONG))
+def test_a_sweep_gives_the_figures_of_single_runs(method):
+    """Through the public functions alone, three designs with every way to evaluate them."""
+    torque, how = method in ("fixed", "full"), SWEPT[method]
+    rig = (effects_under_torques if torque else linear_effects)(machine(LAYOUTS["four"]))
+    rng, path = np.random.default_rng(4), "wheel.w2.contact.stiffness"
+    drive = drawn_drive(rig, rng, "torque" if torque else "speed")
+    values = [float(get_parameter(rig, path)) * x for x in (0.7, 1.0, 1.4)]
+    swept = sweep(rig, {path: values}, METRICS, drive=drive, **how)
+    assert swept.spec.method == method
+    for k, value in enumerate(values):
+        changed = set_parameter(rig, path, value)
+        if "duration" in how:
+            run = simulate(changed, drive, duration=how["duration"])
+            expected = evaluate(run, changed, METRICS).values()
+        else:
+            expected = steady_figures(changed, drive)
+        figures = [swept[name][k] for name in METRICS]
+        # both ways of a run under torques keep their promise: 1e-6 of fixed steps, the solver's
+        np.testing.assert_allclose(figures, [*expected], rtol=1e-5 if torque else 1e-6)
 
 
 @pytest.mark.full

@@ -218,3 +218,16 @@ def test_a_rig_shows_its_table(capsys):
         assert rows[fact.label] == [*(f"{fact.factor * float(x):.6g}" for x in found), fact.unit]
     jax.eval_shape(lambda m: print(set_parameter(RIG, "sphere.mass", m)._repr_html_()), 1.0)
     assert "a traced rig of 3 wheels" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("ask", [
+    lambda: omnijax.modes("atlas", "paperr"),
+    lambda: omnijax.natural_frequencies("atlas", "paperr"),
+    lambda: omnijax.steady_state("atlas", "1, 2, 3", model="paperr"),
+    lambda: omnijax.simulate("atlas", "1, 2, 3", "0.1 s", model="paperr"),
+    lambda: omnijax.propagate("atlas", omnijax.speeds([1, 2, 3]), [0.0, 1.0], model="paperr"),
+])  # fmt: skip
+def test_an_unknown_model_is_refused_in_a_sentence(ask):
+    """`modes` raised a bare `KeyError`."""
+    with pytest.raises(omnijax.InputError, match=r"`model` must be one of .*`paper`"):
+        ask()

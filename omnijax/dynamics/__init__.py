@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from ._translation import Motion as Motion
     from ._translation import Paper as Paper
     from ._translation import PortInputs as PortInputs
+    from ._translation import check_model as check_model
     from ._translation import flatten as flatten
     from ._translation import free_system as free_system
     from ._translation import linear_system as linear_system

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._errors import InputError, did_you_mean
 from ..rig import Rig
 from ._small import solve
 
@@ -222,6 +223,14 @@ class Paper(AbstractTranslation):
 
 
 TRANSLATIONS: dict[str, type[AbstractTranslation]] = {"coupled": Coupled, "paper": Paper}
+
+
+def check_model(model: str) -> None:
+    """`InputError` for a name that is no variant of the equations."""
+    if model not in TRANSLATIONS:
+        hint = did_you_mean(model, TRANSLATIONS)
+        names = ", ".join(TRANSLATIONS)
+        raise InputError(f"`model` must be one of {names}, but is {model!r}.{hint}")
 
 
 class LinearSystem(NamedTuple):

@@ -33,10 +33,12 @@ class Fault:
 
 @dataclasses.dataclass
 class Recording:
-    """One run: time in s, channels in SI units by column name; NaN where a value cannot be used.
+    """One run of t samples; NaN where a value cannot be used.
 
-    `noise` is the declared 1-sigma by column or group, `rows` the row of the file (from 1 below
-    the header) of each sample (0 where `filled` made it), `faults` everything found wrong.
+    `time` (t,) in s; `channels` by column name, each (t,) in SI: dR in m, theta in rad, Omega in
+    rad/s, a in m/s^2, torque in N m, force in N.  `noise` is the declared 1-sigma by column or
+    group in the same units, `rows` (t,) the row of the file (from 1 below the header) of each
+    sample (0 where `filled` made it), `faults` everything found wrong.
     """
 
     name: str

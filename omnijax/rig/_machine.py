@@ -81,10 +81,12 @@ class Wheels(eqx.Module):
 
 
 class Rig(eqx.Module):
-    """A whole machine: a sum of laws at ports.
+    """A whole machine of n wheels in SI: a sum of laws at ports.
 
-    `profiles` holds one wheel shape a wheel, `effects` the laws added to the paper's model,
-    `names` the wheels' names and `uncertainty` pairs of (parameter path, relative 1-sigma).
+    `sphere` has scalars in m, kg and kg m^2, `platform` its mass in kg and gravity (3,) in m/s^2,
+    `wheels` one entry a wheel: (n,), vectors (n, 3).  `profiles` (n) holds one wheel shape a wheel,
+    `effects` the laws added to the paper's model, `names` (n) the wheels' names and `uncertainty`
+    pairs of (parameter path, relative 1-sigma).
     """
 
     sphere: Sphere

@@ -11,7 +11,16 @@ from ._run import AbstractRun
 
 
 class Trajectory(AbstractRun):
-    """A run: one row a sample; `UNITS` names every channel's unit.
+    """A run of t samples and n wheels in SI, one row a sample; `UNITS` names every channel's unit.
+
+    `t` (t,) in s.  Of the sphere's centre relative to the platform (t, 3): `dR`, `dR_elastic` in m,
+    `dR_rate` in m/s.  In the inertial frame (t, 3): the sphere's `Omega` in rad/s, the platform's
+    `R_l` in m and `V_l` in m/s, the accelerations `a` of the platform and `a_sphere` in m/s^2;
+    `attitude` (t, 4), the sphere's quaternion.
+    Of the wheels (t, n): `theta` in rad, `omega` in rad/s, `shape`, `deflection`,
+    `mount_deflection` in m, `deflection_rate` and `mount_rate` in m/s, `normal_force`,
+    `drive_force`, `slip_margin` in N, `shaft_torque` and `torque` in N m.  `force` (t, 3) on the
+    platform in N.
 
     `status` is a code of `Status`; samples after the failure of a run are not finite, and
     `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact was

@@ -13,7 +13,7 @@ from .._arrays import on_device
 from .._plot import COLOURS, new_axes, styled
 from .._programs import kept
 from .._result import AbstractResult
-from ..dynamics import TRANSLATIONS, free_system
+from ..dynamics import TRANSLATIONS, check_model, free_system
 from ..rig import Rig, as_rig
 
 
@@ -83,11 +83,11 @@ def modes(rig: Rig | str | Path, model: str = "coupled") -> Modes:
 
     Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
 
-    Raises `KeyError` for another `model` than `coupled`
-    and `paper`.
+    Raises `InputError` for another `model` than `coupled` and `paper`.
 
     Source: eigenvalues of the paper's eqs. 32-42 without shape (`docs/theory.md`, translation).
     """
+    check_model(model)
     rig = as_rig(rig)
     A, rows = (np.asarray(x) for x in _matrices(rig, model))
     values, vectors = np.linalg.eig(A)
@@ -119,10 +119,11 @@ def natural_frequencies(rig: Rig | str | Path, model: str = "coupled") -> Float[
     eigenvalues differentiate cleanly (repeated ones: the average over the repeated group's
     directions is what is defined).
 
-    The array (modes,).  Raises `KeyError` for another `model` than `coupled` and `paper`.
+    The array (modes,).  Raises `InputError` for another `model` than `coupled` and `paper`.
 
     Source: as `modes`, without damping.
     """
+    check_model(model)
     rig = as_rig(rig)
     A, _ = free_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()

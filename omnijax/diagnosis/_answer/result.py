@@ -24,7 +24,11 @@ REMAINS = SETTINGS.answer_result.remains
 class Diagnosis(AbstractShown):
     """A verdict (none, named, ambiguous, unknown) with everything that speaks for it.
 
-    `effects` hold sizes and their sigma in SI, `gap` the RMS before and after each group's repair.
+    `effects`, a list, hold sizes and their sigma in SI.  `gap` has an entry for each group of
+    outputs (dR in m, theta in rad, Omega in rad/s, a in m/s^2): the RMS of measured less predicted
+    before and after the repair, and the noise floor.  `baseline` lists the calibrated parameters,
+    `noise` by channel what the data show, `scores` the candidates, `where` what the residual
+    depends on.
     """
 
     verdict: str

@@ -1,7 +1,7 @@
 """What the encoders' noise leaves in dR and a: a covariance of low rank.
 
 The elastic model is driven by smoothed angles.  Their error is smooth too: with S the smoother of
-`_smooth`, its covariance is sigma^2 S (the posterior of a white-jerk angle).  Where a wheel's shape
+`smooth.py`, its covariance is sigma^2 S (a white-jerk angle's posterior).  Where a wheel's shape
 has a slope the error moves the sphere, as an input rho'(theta) e that the elastic model answers
 with G.  So whitened dR and a have the covariance I + B B^T, B = sigma G rho' S^(1/2), of a rank far
 below their number.  Scores that took them for white called encoder noise an effect.

@@ -56,9 +56,10 @@ def propagate(
     """Trajectory of `rig` at prescribed wheel speeds, in closed form; samples at `ts` (s).
 
     Rig, wheel speeds and sample times (or a duration) as `simulate` takes them.  Starts at ts[0]
-    in static equilibrium, as `simulate` does, with the same channels.  The cost does not depend on
-    the contact's damping or stiffness.  Raises `InputError` for input that does not fit, and
-    `ValueError` for a run that the closed form does not cover (`exact_obstacle` says why).
+    in static equilibrium, as `simulate` does, with the same channels (t, 3) and (t, n) in SI.  The
+    cost does not depend on the contact's damping or stiffness.  Raises `InputError` for input that
+    does not fit, and `ValueError` for a run that the closed form does not cover (`exact_obstacle`
+    says why).
 
     Source: the paper's eqs. 32-42 at known speeds (`docs/theory.md`, prescribed speeds); Van
     Loan, IEEE Trans. Autom. Control 23 (1978).

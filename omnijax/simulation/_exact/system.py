@@ -21,6 +21,7 @@ from ...dynamics import (
     TRANSLATIONS,
     AbstractTranslation,
     PortInputs,
+    check_model,
     initial_memory,
     port_forces,
     pseudoinverse,
@@ -69,7 +70,11 @@ class ForcedSystem(NamedTuple):
 
 
 def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
-    """Why the exact path does not take this rig, in words; None where it does."""
+    """Why the exact path does not take this rig, in words; None where it does.
+
+    Raises `InputError` for an unknown `model`.
+    """
+    check_model(model)
     for i, profile in enumerate(rig.profiles):
         if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"

@@ -36,7 +36,8 @@ def simulate(
     `rig` may be a rig file or the name of a bundled rig, `drive` wheel speeds (n,) as `speeds`
     takes them, and `ts` sample times (t,) in s (increasing; the run starts at `ts[0]`) or a
     duration (2.0, "2 s"), which may be named: `duration="2 s", rate="1 kHz"` (500 Hz where no rate
-    is given).  Starts at static equilibrium, q = identity.
+    is given).  Starts at static equilibrium, q = identity.  Returns a `Trajectory` in SI: channels
+    (t, 3), of wheels (t, n).
 
     `model` is `coupled` or `paper`.  `solver` `auto` takes the closed form (`exact`, see
     `propagate`) where prescribed speeds drive a linear rig, else the exponential method for a stiff

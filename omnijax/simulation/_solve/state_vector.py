@@ -13,6 +13,7 @@ from ...dynamics import (
     Inputs,
     Model,
     State,
+    check_model,
     initial_memory,
     rest_memory,
     speed_driven,
@@ -25,9 +26,8 @@ from .static_start import static_start
 
 
 def build_model(rig: Rig, model: str = "coupled", keep_radius_rate: bool = False) -> Model:
-    """The rig's equations in one variant; `ValueError` for an unknown one."""
-    if model not in TRANSLATIONS:
-        raise ValueError(f"`model` must be one of {sorted(TRANSLATIONS)}, but is {model!r}.")
+    """The rig's equations in one variant; `InputError` for an unknown one."""
+    check_model(model)
     return Model(TRANSLATIONS[model](rig), keep_radius_rate)
 
 

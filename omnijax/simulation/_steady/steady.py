@@ -25,7 +25,10 @@ from .spectrum import harmonics, transfer
 
 
 class SteadyState(eqx.Module, AbstractResult):
-    """Long-run vibration at constant speeds.
+    """Long-run vibration at constant speeds, SI: scalars, (3,) a component, (g, h) a line.
+
+    Lengths in m, `sphere_acceleration_rms` in m/s^2; of g signals h orders each, `order` and
+    `transmissibility` (g, h) without unit, `spectrum` (g, h, 3) in m.
 
     The signals of the wheels run independently of each other (incommensurate speeds, or start
     angles that are not known): RMS values average over all their phases, peaks are the suprema

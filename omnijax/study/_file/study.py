@@ -36,7 +36,13 @@ class LoadCase:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """A checked study; numbers are SI."""
+    """A checked study: v variables of one rig, judged by metrics under every drive and load.
+
+    `drives` have (n,) wheel speeds in rad/s or torques in N m and a force (3,) in N; `variables`
+    (v) have bounds in their parameter's SI unit, `distributions` and `levels` one entry each.
+    `tolerances` are pairs of path and relative half width; `duration` in s, `rate` in samples/s.
+    Metrics are in SI.
+    """
 
     rig: Rig
     drives: tuple[LoadCase, ...]  # all of one kind

@@ -41,10 +41,12 @@ NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Sensitivity(AbstractResult):
-    """Metrics, and what each parameter does to them.
+    """M metrics, and what each of P parameters does to them.
 
-    `raw[m, p]` is d metric / d parameter in SI units, `relative[m, p]` the change of the metric in
-    % per % of the parameter.  `raw` of `wheel.w1.rollers` treats the number as a real one.
+    `values` (P,) in the SI `units` of `parameters`, `figures` (M,) in the `metric_units` of
+    `metrics`.  `raw` (M, P) is d metric / d parameter in SI units, `relative` (M, P) the change of
+    the metric in % per % of the parameter.  `raw` of `wheel.w1.rollers` treats the number as a real
+    one.
     """
 
     parameters: tuple[str, ...]

@@ -69,8 +69,9 @@ def sweep(
     devices, `workers` or `scheduler` spread the chunks over processes by Dask.  `report` is called
     after each chunk.
 
-    Figures are SI.  Raises `InputError` for what cannot be varied or measured, and for a store
-    that exists or is of another sweep; `KeyboardInterrupt` says what is kept.
+    Each figure of the result is an array in SI: the grid's shape, one axis a varied quantity in the
+    order of `vary`, or (samples,).  Raises `InputError` for what cannot be varied or measured, and
+    for a store that exists or is of another sweep; `KeyboardInterrupt` says what is kept.
     """
     rig_file = str(rig) if isinstance(rig, str | Path) else None
     machine = as_rig(rig)
