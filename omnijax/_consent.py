@@ -35,7 +35,7 @@ def are_read_only() -> bool:
 
 
 def consent(path: Path, digest: str) -> None:
-    """Return where the file may run; `InputError` where the user has not allowed it."""
+    """Return if the file may run; raise `InputError` if the user has not allowed it."""
     if _mode.get() == TRUST or digest in _allowed() or _asked(path, digest):
         trust(digest)
         return

@@ -39,7 +39,7 @@ def in_users_program(error: BaseException) -> str | None:
 
 
 def reason_of(error: BaseException) -> str:
-    """What a library says of its error, without a full stop; its name where it is silent."""
+    """The message of a library's error without a full stop; the error's name if it has none."""
     return str(error).strip().rstrip(".") or type(error).__name__
 
 

@@ -61,7 +61,7 @@ def note_input(path: str | Path) -> None:
 
 @contextmanager
 def looked_at() -> Iterator[None]:
-    """Inside, what is read is no input: a command looks at what it is about to write over."""
+    """Files read inside this block do not count as inputs: the command may write over them."""
     token = _command.set(None)
     try:
         yield
@@ -269,7 +269,7 @@ def _identity(path: str | Path) -> tuple[int, int]:
 
 
 def sync(path: Path) -> None:
-    """Have the disk hold it; a file system that cannot sync a folder is left to itself."""
+    """Sync to the disk; errors of file systems that cannot sync a folder are ignored."""
     if sys.platform == "win32" and path.is_dir():
         return
     handle = os.open(path, os.O_RDONLY)

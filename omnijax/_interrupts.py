@@ -61,7 +61,7 @@ def at_end(clean: Callable[[], None]) -> Callable[[], None]:
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Ctrl-C is heard inside; where signals cannot be had (a thread, no Unix) as Python does.
+    """Hear Ctrl-C inside this block; in a thread or without Unix signals, leave it to Python.
 
     In the background of a shell Ctrl-C is ignored, and SIGTERM is heard alone.
     """
@@ -105,7 +105,7 @@ def exit_code() -> int:
 
 
 def answer() -> None:
-    """The work has taken the interruption up, and needs its time to end."""
+    """Called by the work when it has begun to end because of the interruption."""
     for heard in _now:
         heard.answered.set()
 
@@ -118,7 +118,7 @@ def raise_lost() -> None:
 
 @contextmanager
 def saying(text: Callable[[], str]) -> Iterator[None]:
-    """What is said where the work inside cannot answer: what of it is kept, and how to go on."""
+    """Text for the user if the work inside has to be ended: what is kept, and how to go on."""
     before = [heard.said for heard in _now]
     for heard in _now:
         heard.said = text
@@ -204,7 +204,7 @@ _hard: list[bool] = []
 
 
 def end_hard() -> None:
-    """A library is broken: the process shall end without its destructors."""
+    """Mark the process to end without destructors, as an interrupted library may be broken."""
     _hard.append(True)
 
 

@@ -49,7 +49,7 @@ def _write(data: Any, part: Path) -> None:
 
 
 def _words_digest(file: Any) -> str:
-    """Of all names, shapes, kinds and attributes of a file of HDF5: its arrays have their own."""
+    """Digest of all names, shapes, kinds and attributes of an HDF5 file; arrays have checksums."""
     import numpy as np
 
     digest = hashlib.sha256()
@@ -69,7 +69,7 @@ def _words_digest(file: Any) -> str:
 
 
 def _check_words(path: Path) -> None:
-    """A warning where the words of a file of ours are not those that were written."""
+    """Warn where names, kinds or attributes of a file of ours have changed since it was written."""
     import h5py
 
     with h5py.File(path, "r") as file:
@@ -126,7 +126,7 @@ def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any
 
 
 def _engine(path: Path) -> Literal["scipy", "h5netcdf"]:
-    """What reads a file: the classic format (netCDF 3) is no HDF5, as that of netCDF 4 is."""
+    """The engine that reads a file: SciPy for the classic format (netCDF 3), HDF5 for netCDF 4."""
     with path.open("rb") as file:
         return "scipy" if file.read(4) in (b"CDF\x01", b"CDF\x02") else "h5netcdf"
 

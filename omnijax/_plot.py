@@ -77,7 +77,7 @@ def style() -> Iterator[None]:
 
 
 def styled(draw: Callable[..., Any]) -> Callable[..., Any]:
-    """`draw` in the product's style, unless it is given axes, whose owner has chosen one."""
+    """Call `draw` in the product's style; axes of the caller's keep the style that they have."""
 
     @functools.wraps(draw)
     def drawn(*args: Any, **kwargs: Any) -> Any:

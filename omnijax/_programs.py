@@ -54,8 +54,8 @@ def kept(function: Callable) -> Callable:
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
     transformation, with laws from outside this package, or not on one ordinary CPU.  Results
     must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
-    A call may say what `effort` its program is worth; each kind is kept by itself, and compiled
-    so where none is kept too.
+    A call may say how much `effort` its compilation is worth.  A program is kept for each effort,
+    and a call without a kept program is compiled with that effort too.
     """
     jitted = _by_effort(function)
 
@@ -149,7 +149,7 @@ def _origin() -> str:
 
 
 def _processor() -> list[str]:
-    """What the compiler asks of the processor before it chooses instructions."""
+    """The processor's model and features, by which the compiler chooses instructions."""
     features = re.findall(r"^(?:model name|flags|Features|CPU \w+)\s*:.*", _cpuinfo(), re.MULTILINE)
     return [platform.machine(), *sorted(set(features))]
 
@@ -228,7 +228,7 @@ def _seal(key: str, body: bytes) -> bytes:
 
 
 def _unflattened(program: Callable, static: Any) -> Callable:
-    """`static`: what of the result no array holds, as `equinox.partition` leaves it."""
+    """The program with its result put together: its arrays, and the `static` words and numbers."""
     words, tree = jax.tree.flatten(static, is_leaf=lambda x: x is None)
 
     def run(arrays: list[jax.Array]) -> Any:

@@ -26,7 +26,7 @@ def scaled(value: float, unit: str) -> tuple[float, str]:
 def scaled_together(values: Sequence[float], unit: str) -> tuple[float, str]:
     """(factor, unit) in which several sizes of one quantity read well.
 
-    That of the least above 0, unless the largest would have five digits there.
+    The unit suits the least size above 0, unless the largest would then have five digits.
     """
     sizes = [value for value in values if value > 0] or [0.0]
     factor, name = scaled(min(sizes), unit)

@@ -120,6 +120,54 @@ def check_table_shape():
         assert float(law(jnp.asarray(angle), GAPS)) == pytest.approx(float(curve(angle)), abs=5e-10)
 
 
+def rho_of(pieces, angle):
+    """The shape that pieces of one period tell at an angle in it."""
+    return float(laws.value(pieces, *laws.piece_at(pieces, jnp.asarray(angle))))
+
+
+def check_pieces(name):
+    """Each profile as pieces: the numbers worked out by hand, and its own at other angles.
+
+    For the other sense of turning the pieces run backwards; padding changes no number.
+    """
+    if name == "table":
+        waves = 1e-4 * np.cos(2 * np.pi * np.linspace(0, 1, 7, endpoint=False) - 0.4)
+        law = laws.TableShape.fit(PITCH * np.linspace(0, 1, 7, endpoint=False), waves, PITCH)
+    else:
+        law = laws.PROFILES[name]()
+    pieces = laws.shape_pieces(law, GAPS)
+    period = float(np.sum(pieces.width))
+    assert period == pytest.approx(GAP if name == "continuous-sine" else PITCH, rel=1e-14)
+    inside = period * np.array([0.003, 0.07, 0.19, 0.31, 0.39, 0.41, 0.77, 0.994])
+    expected = [float(law(jnp.asarray(angle), GAPS)) for angle in inside]
+    if name in PROFILES:
+        angles, numbers = zip(*PROFILES[name], strict=True)
+        inside, expected = [*inside, *np.mod(angles, period)], [*expected, *numbers]
+    back, (count, size) = laws.mirrored(pieces), pieces.polynomial.shape
+    wide = laws.padded(pieces, count + 2, size + 1, pieces.sine.shape[1] + 1)
+    assert wide.polynomial.shape == (count + 2, size + 2) and wide.width.shape == (count + 2,)
+    assert wide.sine.shape == (count + 2, pieces.sine.shape[1] + 1) == wide.frequency.shape
+    for angle, rho in zip(inside, expected, strict=True):
+        near([rho_of(one, angle) for one in (pieces, wide)], [rho, rho], rtol=1e-10)
+        near(rho_of(back, period - angle), rho, rtol=1e-10)
+
+
+def check_places():
+    """Ends of pieces, pieces of no width, and Chebyshev's interpolation."""
+    round_wheel = laws.Gap(GAPS.sphere_radius, GAPS.wheel_radius, GAPS.rollers, jnp.asarray(0.0))
+    for name in ("gated-sine", "half-sine", "continuous-sine", "rollers"):
+        pieces = laws.shape_pieces(laws.PROFILES[name](), round_wheel)
+        near(float(np.sum(pieces.width)), PITCH)
+        assert rho_of(pieces, 0.3) == 0.0
+    pieces = laws.Pieces(jnp.array([1.0, 0.0, 2.0]), *[jnp.zeros((3, 1))] * 4)
+    for angle, index, v in ((0.0, 0, 0), (0.5, 0, 0.5), (1.0, 2, 0), (2.5, 2, 0.75), (3.0, 2, 1)):
+        at, place = laws.piece_at(pieces, jnp.asarray(angle))
+        assert (int(at), float(place)) == (index, v)
+    near(laws.chebyshev_nodes(2), [math.sqrt(0.75), 0, -math.sqrt(0.75)])
+    near(laws.to_powers(3) @ (2 - laws.chebyshev_nodes(3) ** 3), [2, 0, 0, -1])
+    assert laws.to_powers(3).shape == (4, 4)
+
+
 def check_sums():
     """Laws of one port add, whichever of them remembers."""
     cubic, slow = (
@@ -208,7 +256,8 @@ OTHERS = {
     "dual-row": check_dual_row,
     "table": check_table_shape,
     "sums": check_sums,
-}
+    "pieces": check_places,
+} | {f"pieces of {name}": partial(check_pieces, name) for name in (*PROFILES, "table")}
 
 
 CHECKS = (

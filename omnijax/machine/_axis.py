@@ -150,7 +150,7 @@ class Axis(AbstractMachine):
         return _forgotten(self._poles())
 
     def speed_memory(self):
-        """The same for the speed alone: where nothing pulls back, the position is left out."""
+        """As `memory`, of the speed: without a restoring force the position does not count."""
         poles = self._poles()
         if not float(self.stiffness) and not float(self.gravity) and self.drives != "goal":
             poles = np.delete(poles, np.argmin(np.abs(poles)))
@@ -177,6 +177,6 @@ class Axis(AbstractMachine):
 
 
 def _forgotten(poles: np.ndarray) -> float:
-    """Seconds after which modes have died away; infinity where one does not."""
+    """Seconds after which all modes have died away; infinity if one of them does not decay."""
     slowest, size = float(np.max(np.real(poles))), float(np.max(np.abs(poles)))
     return FORGOTTEN / -slowest if slowest < -1e-6 * size else float("inf")

@@ -45,8 +45,8 @@ def vector_field(machine: Moving, placed: tuple[PlacedLaw, ...]):
 def field_of_numbers(machine: Moving, placed: tuple[PlacedLaw, ...]):
     """(rate(z, u), join(x, memory)); z: the state's numbers one by one, the memories as a vector.
 
-    Numbers of their own fuse in XLA; a vector is put together and cut up again at every step,
-    which takes twice as long.
+    XLA fuses operations on separate numbers.  A state in one vector would be joined and split at
+    every step, which takes twice as long.
     """
     rest, unravel = ravel_pytree(resting(placed))
 
@@ -67,7 +67,7 @@ def settled_memory(
 ) -> tuple[Any, ...]:
     """The laws' memories that do not change in the state `x` under the inputs `u`, as of `placed`.
 
-    With these a motion begins there: a slow drive delivers what is commanded.
+    A motion that begins with these begins settled: a slow drive already delivers its command.
     """
     memory = resting(placed)
     if all(z is None for z in memory):

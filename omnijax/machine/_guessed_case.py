@@ -29,8 +29,8 @@ def numbers_of_logs(guesses: Sequence[Guess]) -> dict[str, float]:
 def case_files(guesses: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
     """machine.toml and a NAME.toml for each log of one machine, by file name.
 
-    No log tells a torque constant: it is left out, and numbers are in units of it.
-    The logs `held_out` judge: the machine's numbers are not from them.
+    No log tells the torque constant, so it is left out and the numbers are in units of it.  The
+    machine's numbers come from the other logs; those `held_out` only judge.
     """
     learned = [one for one in guesses if one.log not in held_out]
     files = {"machine.toml": _machine_file(learned)}

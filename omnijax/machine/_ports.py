@@ -15,7 +15,7 @@ from ..rig import law_memory, law_output, law_rate
 class PlacedLaw(eqx.Module):
     """One law at one place; `gate` 0 switches it off.
 
-    Of points that run side by side `on` says whether any has it: where not, it is not evaluated.
+    `on` says whether any of the points that run side by side has the law; if none, it is skipped.
     """
 
     law: AbstractLaw
@@ -29,7 +29,7 @@ class PlacedLaw(eqx.Module):
         return self.law.port
 
     def where_on(self, made: Callable[[], Any], otherwise: Any) -> Any:
-        """`made()`, or, where no point that runs beside has the law, what is `otherwise`."""
+        """`made()` if any of the points that run side by side has the law, else `otherwise`."""
         if self.on is None:
             return made()
         return jax.lax.cond(self.on, made, lambda: otherwise)

@@ -90,8 +90,8 @@ SLID = {  # unit of a law of shafts -> of one that slides
 def axis_unit(unit: str, motion: str, key: str = "") -> str:
     """Unit of a law's number on an axis; `key` names the number.
 
-    Laws state it for wheels, which turn, on mounts, which slide.  Phases are in rad whatever moves,
-    so that the orders of an axis that slides are in rad/m.
+    A law states units for wheels (which turn) and mounts (which slide); an axis may do either.
+    Phases are always in rad, so the orders of a sliding axis are in rad/m.
     """
     if key in ("order", "orders"):
         return "rad/m" if motion == "translation" else unit
@@ -112,8 +112,8 @@ class MachineTable(BaseModel):
 class Compare(MachineTable):
     """How a run is compared: `balance` of accelerations, or a `free-run` simulation.
 
-    `hold` is the input's course between its samples; `auto`: a diagnosis looks, a simulation takes
-    it for linear.
+    `hold` is the input's course between its samples.  With `auto` a diagnosis tells it from the
+    data, and a simulation takes it as linear.
     """
 
     criterion: Literal["auto", "balance", "free-run"] = "auto"

@@ -107,7 +107,7 @@ def _coupling(study: PaperStudy) -> Claim:
 
 
 def _cross(axes, rig, study: PaperStudy) -> list[float]:
-    """Off-axis share of dOmega/dt under one torque at a time, for every sample of the inertias."""
+    """Share of dOmega/dt off the torque's axis, one torque at a time, by sample of the inertias."""
     from ..dynamics import turned
 
     shares = []

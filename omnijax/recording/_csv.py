@@ -73,7 +73,7 @@ def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
 
 
 def _text(path: Path) -> tuple[str, list[Fault]]:
-    """The file's text; of a file that was cut off while packed, what can be unpacked."""
+    """The file's text; if a packed file was cut off, the part that can be unpacked."""
     (raw, whole), faults = unpacked(path), []
     if not whole:
         what = "the packed file ends too early"
@@ -130,7 +130,7 @@ def _fast(lines: list[str], mark: str, width: int) -> np.ndarray | None:
 
 
 def _careful(file: str, lines: list[str], mark: str, names: list[str]):
-    """Every cell for itself: text becomes NaN, short rows are filled up, and both are said.
+    """Read each cell by itself; text becomes NaN, short rows are filled, both reported as faults.
 
     Returns values, names of columns that are stamps of time, and faults.
     """
@@ -165,7 +165,7 @@ def _by_name(file: str, names: list[str], values) -> dict[str, np.ndarray]:
 
 
 def _ragged(file: str, rows: list[list[str]], width: int) -> list[Fault]:
-    """What is said of rows that are not as wide as the header, all of one width together."""
+    """Faults of rows that are wider or narrower than the header, one fault for each width."""
     counts = np.array([len(cells) for cells in rows])
     faults = []
     for count in sorted({*counts.tolist()} - {width}):
@@ -178,7 +178,7 @@ def _ragged(file: str, rows: list[list[str]], width: int) -> list[Fault]:
 
 
 def _check_width(file: str, rows: list[list[str]], width: int) -> None:
-    """`InputError` where most rows hold more than the header names: whose they are is not known."""
+    """`InputError` if most rows have more cells than the header: which columns is unknown."""
     wider = sum(any(cells[width:]) for cells in rows)
     if wider > len(rows) / 2:
         most = max(map(len, rows))

@@ -18,8 +18,8 @@ BASE = 1e-9  # s, of a log's clock
 def read_mcap(path: Path) -> CsvTable:
     """Columns `topic.field` of a log: the busiest topic's times, the others held between theirs.
 
-    Messages are JSON, or ROS 2 (CDR) where `mcap-ros2-support` is installed; `t` is their log time
-    from the first one.
+    Messages are JSON, or ROS 2 (CDR) if `mcap-ros2-support` is installed.  `t` is the log time
+    since the first message.
     """
     reader = require("mcap.reader", "mcap", "reading `.mcap` files")
     topics: dict[str, list[tuple[int, dict[str, float]]]] = {}

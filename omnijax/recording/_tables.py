@@ -102,7 +102,7 @@ def _check_variables(path: Path) -> None:
 
 
 def _fields(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """A variable; of a struct its fields, of one in it its own; of a list of samples columns."""
+    """Columns of a variable: itself, a struct's fields (nested too), or those of a sample list."""
     if not (isinstance(value, np.ndarray | np.void) and value.dtype.names):
         yield path, value
         return
@@ -175,7 +175,7 @@ class _Channels:
     def add(self, where: tuple[str, ...], times, values) -> None:
         """Add a channel; one whose times are off by more than half a step is left out, and said.
 
-        As many values at other times would be taken for those at the first channel's.
+        (Values at other times, as many, would else be read as taken at the first channel's times.)
         """
         times = np.asarray(times, float)
         if not self.columns:

@@ -1,8 +1,8 @@
 """Angles that begin anew after a turn: unwrapped where that can be told surely.
 
-A wrapped angle stays within its modulus, leaves it at one end and comes back at the other.  Once
-the modulus is added there, the angle moves on as it does around.  An angle of more than a modulus,
-or with a jump of another size, is none and stays as it is.
+A wrapped angle stays within its modulus: it leaves at one end and comes back at the other.  With
+the modulus added at such a jump the angle goes on smoothly.  A column that exceeds the modulus, or
+jumps by another size, is not wrapped and stays as it is.
 """
 
 import functools
@@ -73,7 +73,7 @@ def _unwrapped(file: str, column: str, values: np.ndarray, time, rows) -> list[F
 def unwound(values: np.ndarray, time: np.ndarray) -> Unwound | None:
     """An angle (t,), NaN where it is missing, at times (t,) in s without its turns' beginnings.
 
-    None where it is not wrapped, or that cannot be told surely.
+    None if it is not wrapped, or if that is uncertain.
     """
     at = np.flatnonzero(np.isfinite(values))
     if len(at) < LEAST:
@@ -106,8 +106,8 @@ def unwound(values: np.ndarray, time: np.ndarray) -> Unwound | None:
 def _moduli(known: np.ndarray, change: np.ndarray, jumps: np.ndarray) -> list[tuple[float, float]]:
     """What the angle may be wrapped at, and how near to it jumps are then.
 
-    Bad readings, which are soon over, tell nothing.  A single turn is told from one jump that
-    stays; several turns, or a counter's range, from some of an angle that fills its range.
+    Bad readings, which are soon over, do not count.  One jump that stays is enough to tell a single
+    turn; several turns, or a counter's range, need some jumps, and an angle that fills the range.
     """
     at, size = np.flatnonzero(jumps), float(np.median(np.abs(change[jumps])))
     soon = (np.diff(at) <= BACK) & (np.sign(change[at[1:]]) != np.sign(change[at[:-1]]))
@@ -158,8 +158,9 @@ def _is_wrapped(known, change, beside, jumps, modulus: float, near: float) -> bo
 def _across(on: np.ndarray, time: np.ndarray, beside: np.ndarray, modulus: float):
     """Turns to be added over missing stretches, and where they are sure.
 
-    Over a short one the angle moves on by less than `FAST`, as between neighbours.  What turned in
-    a longer one is told from the speeds on both sides, as well as over as long a time elsewhere.
+    Over a short gap the angle moves by less than `FAST`, as between neighbours.  The turns in a
+    longer gap follow from the speeds on both sides, if that prediction holds over equally long
+    stretches elsewhere in the record.
     """
     turns, sure = np.zeros(len(on)), beside.copy()
     angle = np.concatenate([[0.0], np.cumsum(np.where(beside, on, 0.0))])
@@ -169,7 +170,7 @@ def _across(on: np.ndarray, time: np.ndarray, beside: np.ndarray, modulus: float
 
     @functools.cache
     def error(samples: int) -> float:
-        """The largest one elsewhere; infinite where that is too seldom asked."""
+        """The largest error elsewhere in the record; infinite with too few stretches to compare."""
         begin = np.arange(AROUND, len(time) - AROUND - samples)
         begin = begin[piece[begin - AROUND] == piece[begin + samples + AROUND]]
         if len(begin) < ELSEWHERE * samples:
@@ -192,7 +193,7 @@ def _across(on: np.ndarray, time: np.ndarray, beside: np.ndarray, modulus: float
 
 
 def _told(angle: np.ndarray, time: np.ndarray, begin, end):
-    """What turns between samples, at the mean of the speeds before and after."""
+    """The turn from each `begin` to its `end`, at the mean of the speeds before and after."""
     before = (angle[begin] - angle[begin - AROUND]) / (time[begin] - time[begin - AROUND])
     after = (angle[end + AROUND] - angle[end]) / (time[end + AROUND] - time[end])
     return (before + after) / 2 * (time[end] - time[begin])

@@ -69,7 +69,7 @@ def score_figure(first: list[dict[str, Any]]) -> Figure:
 
 
 def limits_figure(known: list[dict[str, Any]]) -> Figure:
-    """Upper limits, each beside the median of its effect's: where an effect would hide best."""
+    """Upper limits by place over the median of the effect's: where it would hide best."""
     ids = list(dict.fromkeys(x["id"] for x in known))
     with style():
         fig, axes = figure(1, 1, height=1.2 + 0.2 * len(ids))

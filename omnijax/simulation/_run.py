@@ -19,7 +19,7 @@ PER_WHEEL = {  # channels with one column a wheel
 
 
 class ContactLoss(NamedTuple):
-    """A contact that opens or slips: without a law for it do not believe what follows."""
+    """A contact that opens or slips.  Without a law for this the run is wrong from there on."""
 
     kind: str  # "lifts off" or "slips"
     wheel: str

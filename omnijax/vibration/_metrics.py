@@ -153,7 +153,7 @@ _RENAMED = {  # word of version 0.1 -> what it meant
 
 
 def metric_problem(name: object, more: Iterable[str] = (), begins: str | None = None) -> str | None:
-    """Why `name` is no metric, and which is meant; None where it is one or stands in `more`."""
+    """Why `name` is no metric, with the nearest one; None if it is a metric or one of `more`."""
     options = [*more, *METRICS]
     if name in options:
         return None

@@ -199,7 +199,7 @@ def _campbell(rig: Rig, speeds: list[float]) -> dict[str, Any]:
 
 
 def _together(once: np.ndarray) -> list[list[int]]:
-    """The turning wheels, those whose rollers pass equally often in one group."""
+    """The turning wheels in groups; the rollers of a group's wheels pass equally often."""
     groups: dict[float, list[int]] = {}
     for i, frequency in enumerate(once):
         if frequency > 0:

@@ -14,7 +14,7 @@ from .living import attribute, code_of, coded, functions, plain
 
 PLACES = ("omnijax.laws", "omnijax.dynamics")  # every file of them, and
 FURTHER = ("omnijax.rig._machine", "omnijax.simulation._signals", "omnijax.simulation._drives")
-BESIDE = {"_base", "_library", "_ports", "_pieces"}  # files without an equation of the machine
+BESIDE = {"_base", "_library", "_ports"}  # files without an equation of the machine
 
 
 def modules() -> list[str]:

@@ -19,9 +19,9 @@ FEWEST = SETTINGS.stretches.fewest
 class Stretch(NamedTuple):
     """Neighbouring samples of one channel of a run, all off to one side.
 
-    `first` and `last` in s, `largest` in 1-sigma of all that is left of the channel in that run,
-    `off` the same in the channel's `unit`, by the noise that was assumed in all held-out runs.
-    `closed` is the share of its power that what is named has taken away: none, where nothing is.
+    `first` and `last` in s; `largest` in units of the channel's RMS residual in that run; `off` the
+    same in the channel's `unit`, by the assumed noise.  `closed` is the share of the stretch's
+    power that the named effects have removed (0 if none is named).
     """
 
     run: str
@@ -43,11 +43,11 @@ class Stretch(NamedTuple):
 def stretches(evidence: AbstractEvidence, before: Columns, after: Columns) -> list[Stretch]:
     """Of held-out residuals by run and channel, in assumed sigma: the farthest off comes first.
 
-    `before` and `after` are those without what is named and beside it.  What noise of a channel can
-    be is no more than the RMS of all that is left there.  A sample is off where a normal law of
-    that level has not led to it, at `RATE` of false discoveries over the samples of all runs and
-    channels, however they depend on each other: noise of any colour is granted (Benjamini and
-    Yekutieli, 2001).  One or two samples are a shock or a bad reading.
+    `before` are the residuals without the named effects, `after` those with them.  The noise of a
+    channel is taken as high as its RMS residual.  A sample is off where a normal law of that level
+    does not reach it, at a false-discovery rate `RATE` over all samples, runs and channels; the
+    samples may depend on each other in any way, so noise may have any colour (Benjamini and
+    Yekutieli, 2001).  Stretches of one or two samples count as a shock or a bad reading.
     Empty where the evidence does not say what its runs are called.
     """
     runs = evidence.recorded()

@@ -28,8 +28,9 @@ AT_EDGES = SETTINGS.outliers.at_edges
 def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
     """Mask (n, c) of one or two samples that stand out to one side of the samples around them.
 
-    By more than `WILD` times the noise and the usual change from one sample to the next, in all the
-    record and about them: where a misfit rings near half the sampling rate every sample stands out.
+    They stand out by more than `WILD` times the noise, and times the median change from one sample
+    to the next, both over the record and nearby.  (Where a misfit rings near half the sampling
+    rate, every sample stands out, and none of them is an outlier.)
     """
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     n = len(values)
@@ -73,8 +74,8 @@ def at_limits(
 ) -> list[np.ndarray]:  # fmt: skip
     """Masks (n, c) of the outliers among `masks`, by run, that stand at their channel's limit.
 
-    A sensor that saturates cuts sharp peaks off: what is foretold, the reading less what is `left`,
-    lies beyond several readings of one size, and no reading does.
+    A saturated sensor cuts peaks off: several readings have the same largest size, none exceeds
+    it, and the prediction (the reading less what is `left`) does.
     """
     near = WILD * sigma
     over = [np.sign(x) * r < -BEYOND * sigma for x, r in zip(readings, left, strict=True)]
@@ -132,7 +133,7 @@ def without_outliers(
 ) -> tuple[list[Run], list[str]]:
     """The runs with the groups' outliers marked as missing, and a sentence for each run.
 
-    Parts of one run that are kept out of the fit are the same run once more: it is said once.
+    A run that is split into a fitted and a held-out part gets one sentence, not two.
     """
     runs = []
     left_out: dict[str, dict[str, set[float]]] = {}

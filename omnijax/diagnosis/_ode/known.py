@@ -88,7 +88,7 @@ def memories(
 ) -> Float[Array, "t m"]:  # fmt: skip
     """The laws' memories at every sample, along the states `x` (t, n) and inputs (t,) by name.
 
-    In closed form where slow drives are all that remember.
+    In closed form if slow drives (actuator lags) are the only laws with memory.
     """
     remembering = [one.law for one in placed if one.law.has_memory()]
     if not remembering:
@@ -99,7 +99,7 @@ def memories(
 
 
 def _lagging(axis: Axis, placed, time, x, inputs) -> Float[Array, "t m"]:
-    """Torques (t, lags) that slow drives deliver, each of what the actuators before it do."""
+    """Torques (t, lags) that slow drives deliver, each from the torque of the actuators before."""
     q, v = x[:, 0], x[:, 1]
     torque, out = axis.motor(q, v, inputs), []
     for one in placed:

@@ -1,4 +1,4 @@
-"""The review of a found set: prune what is not needed, swap in what fits better, keep near rivals.
+"""The review of the accepted effects: leave out needless ones, swap in better ones, keep rivals.
 
 Every effect is challenged in the joint refit by the candidates that explain nearly as much where
 it is left out, as scored at the latest fit with the other effects in.
@@ -52,7 +52,7 @@ class Reviewed:
 class Review:
     """Pruning and challenges on one model.
 
-    Of two laws of which one is a limit of the other the plain one is kept, unless the wider gains.
+    If one law is a limit of the other, the plainer is kept unless the wider one fits better.
     """
 
     def __init__(self, refits: Refits, tell: Callable[[str], None], who: str = "held-out runs"):
@@ -102,8 +102,8 @@ class Review:
     def _needless(self, less: Fit, fit: Fit, baseline: Fit, effect: Effect) -> str:
         """Why `less`, which lacks an effect of `fit`, is as good; nothing where it is not.
 
-        What an earlier search named beside other noise was confirmed beside that: held-out runs
-        may be better foretold without it.
+        An effect of an earlier search was confirmed under that search's noise; under the present
+        noise the held-out runs may fit better without it.
         """
         if less.cost - fit.cost < self.settings.margin:
             return "the fitted runs do without it"
@@ -123,8 +123,8 @@ class Review:
     def _matters(self, less: Fit, fit: Fit, baseline: Fit) -> bool:
         """Whether leaving an effect out raises some group's RMS by more than one per cent.
 
-        In the fitted runs or in the held-out ones, which may excite it more; and by more than the
-        part by which the prediction of all effects' change may be wrong.
+        Either in the fitted runs or in the held-out ones, which may excite it more.  The rise also
+        has to exceed the prediction error, a share of the change that all effects make.
         """
         fits = (baseline, less, fit)
         if self._raises(*(self.model.group_rms(f.residual, "train") for f in fits)):
@@ -134,7 +134,7 @@ class Review:
 
     def _raises(self, first: dict[str, float], without: dict[str, float],
                 with_it: dict[str, float]) -> bool:  # fmt: skip
-        """`_matters`, of the RMS by group of one split: of no effect, `without` one and with it."""
+        """`_matters` in one split, by RMS of groups without effects, `without` one, and with it."""
         settings = self.settings
         return any(
             without[g] > (1 + settings.material) * x
@@ -199,8 +199,8 @@ class Review:
     def _in_place(self, fit: Fit, i: int, score: Score) -> Point:
         """The fit with a scored candidate in place of effect i, where its refit may begin.
 
-        At the strength of its tangent; a law of one time begins at that of another one, where this
-        is better: a delay's tangents do not tell how long it is.
+        It begins at the strength of its tangent.  A law whose only number is a time also tries the
+        time of effect i, and the better is taken: a delay's tangents do not tell its length.
         """
         c, effects = score.candidate, fit.point.effects
         values = [c.decode(score.coefficients), *self._alike(effects[i], c.id)]
@@ -214,7 +214,7 @@ class Review:
         return points[int(np.nanargmin(np.nan_to_num(costs, nan=np.inf)))]
 
     def _alike(self, effect: Effect, id: str) -> list[dict[str, float]]:
-        """Numbers of a law `id` that has only one, as large as an effect's only one; or none."""
+        """The number of a law `id` with only one, equal to the effect's own if units agree."""
         mine, other = (self.model.laws[k].parameters for k in (effect.id, id))
         if len(mine) != 1 or len(other) != 1:
             return []
@@ -246,10 +246,10 @@ class Review:
     def _held_margin(rival_left: np.ndarray, left: np.ndarray) -> float:
         """chi2 by which held-out runs speak against what a near rival leaves there.
 
-        Two laws that differ in little are told apart by all runs better than by some: fitted to
-        the train runs, both foretell the others.  Where what is left there has a colour, it counts
-        for less.  Of two laws of which one is right, their difference d changes chi2 by d.d or by
-        -d.d, but for noise: what changes it by more is something else that is like d.
+        Two similar laws, fitted to the train runs, are told apart better if the held-out runs count
+        too; a coloured residual there counts for less.  If one of the laws is right, their
+        difference d changes chi2 by d.d or -d.d, apart from noise.  A larger change comes from
+        something else that resembles d, so the gain is cut to that range.
         """
         held = HeldOut.of(rival_left, left)
         told = float(np.clip(held.gain, -held.size, held.size))

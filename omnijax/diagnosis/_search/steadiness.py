@@ -1,9 +1,9 @@
 """Whether effects are as strong at all times and in all runs: asked of all runs at once.
 
-A law of the library acts at one size.  One that grows or fades, as a motor warms say, is none of
-them, though each run alone is told well by a size of its own: what is left of all runs together
-then holds the change that the effect makes times the time, or in some runs more of it than in
-others, beside what constant numbers can explain.
+A law of the library has one size for all runs.  An effect that grows or fades (as a motor warms,
+say) is not such a law, even if each run alone fits well with a size of its own.  The residual of
+all runs together then contains the effect's change multiplied by the time, or more of that change
+in some runs than in others, beyond what constant numbers explain.
 """
 
 import dataclasses

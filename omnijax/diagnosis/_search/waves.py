@@ -28,7 +28,7 @@ TOGETHER = 8  # points that are evaluated at once: what a run foretells takes ro
 
 
 def scanned(model: AbstractModel, point: Point) -> Point | None:
-    """Where a refit may begin that knows the waves' numbers; None where no number is wavy."""
+    """A start for a refit, with waves' numbers near their best; None where no number is wavy."""
     (known,) = scanned_beside(model, [point], "train") or [None]
     return known
 
@@ -36,8 +36,8 @@ def scanned(model: AbstractModel, point: Point) -> Point | None:
 def scanned_beside(model: AbstractModel, points: Sequence[Point], split: str) -> list[Point]:
     """`scanned` of points that differ in their effects alone, at once; none where none is wavy.
 
-    Those that read what a run foretells share each of its runs.  In single precision: a point has
-    as many rows as its numbers have values.
+    Points that differ in sensors' laws alone share the predicted runs.  The table is in float32: it
+    has a row for each value of each number.
     """
     first, all_here = points[0], model.residuals(points, split)
     steps = _steps(model, first, all_here[0], split)
@@ -103,7 +103,7 @@ def _steps(model: AbstractModel, point: Point, here: np.ndarray, split: str) -> 
 def _straight(
     model: AbstractModel, point: Point, k: int, step: float, here: np.ndarray, split: str
 ) -> bool:
-    """Whether what number `k` changes over a step of either sign is odd, as a tangent's is."""
+    """Whether equal steps up and down of number `k` make opposite changes, as a tangent's do."""
     values = point.u[k] + np.array([step, -step])
     (up,), (down,) = _changes(model, [point], k, values, [here], split)
     return bool(np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down))
@@ -122,7 +122,7 @@ def _changes(
 ) -> Iterator[list[np.ndarray]]:  # fmt: skip
     """Value by value of number `k`: what it changes of the points' residuals `here`, up to `FAR`.
 
-    A run may run away there: it is far from every record, and no more need be known of it.
+    A prediction may run away there; then it is far from every record, and its size is irrelevant.
     """
     together = max(1, TOGETHER // len(points))
     for first in range(0, len(values), together):

@@ -123,7 +123,7 @@ def time_column(log: Path, columns, moving, rate) -> str | None:
 
 
 def input_column(names: list[str]) -> str | None:
-    """Column of the input among some names: of a goal of a speed only where there is no other."""
+    """Column of the input among some names; a speed goal only if there is no other candidate."""
     inputs = [
         k for k in names if matches(k, INPUT) or DRIVES.get(unit_in(k) or "", "goal") != "goal"
     ]
@@ -154,7 +154,7 @@ def servo_columns(columns) -> dict[str, str]:
 
 
 def not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
-    """What is said where no column looks like a `word`; `still` does, but never changes."""
+    """The error that no column looks like a `word`; `still` is one that does, but never changes."""
     if still is not None:
         why = "it never changes: all at rest"
         why = why if np.isfinite(columns[still]).any() else "it holds no numbers"

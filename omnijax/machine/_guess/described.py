@@ -62,13 +62,13 @@ class Guess:
         return told.sentence if told.sure else "held or linear: the diagnosis looks"
 
     def _unit(self, channel: str, unsaid: str) -> str:
-        """The unit of a channel; where the log says one that it cannot have, that it is left."""
+        """The unit of a channel; a unit in the log that it cannot have is ignored, with a note."""
         if channel in self.left:
             unsaid += f": {self.left[channel]!r} is no unit of a {self.motion}'s {channel}"
         return self.units.get(channel, unsaid)
 
     def _read_as(self, unit: str) -> str:
-        """The unit of what was measured where none is said: counts are taken for it as they are."""
+        """The unit of a measured channel without one: its numbers are taken as they are."""
         if self.measured in self.left:
             return f"read as {unit}"
         if not best_of([self.position or self.velocity or ""], COUNTS):
@@ -231,5 +231,5 @@ def _check_columns(log: Path, table, columns: LogColumns) -> None:
 
 
 def _noise(q: np.ndarray) -> float:
-    """1-sigma of white noise on a smooth signal: of its third to seventh differences the least."""
+    """1-sigma of white noise on a smooth signal: the least by third to seventh differences."""
     return min(float(np.sqrt(np.mean(noise_squares(q, order)))) for order in (3, 5, 7))

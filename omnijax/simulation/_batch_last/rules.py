@@ -21,7 +21,7 @@ def _elementwise(call: Call) -> list[Value]:
 
 
 def _on_leading_axes(call: Call) -> list[Value]:
-    """Operations whose parameters name axes from the front: they mean the same axes still."""
+    """Operations whose parameters count axes from the front; a last batch axis changes none."""
     return call.bound(*call.wholes())
 
 

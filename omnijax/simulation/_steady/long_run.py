@@ -1,7 +1,7 @@
 """A rig at constant speeds in the long run: periodic solutions, their statistics and extremes.
 
-Leaner than `SteadyState`: only what is asked for is computed, which counts where thousands of
-designs are compiled into one search.  Every output is linear in z, the elastic state beside the
+Unlike `SteadyState` it computes only what is asked for, which saves time in searches over thousands
+of designs.  Every output is linear in z, the elastic state beside the
 forcing's terms, so its extremes over all phases are sums of extremes of each signal's own part.
 A constant force P on the platform moves the stationary state in the frame of the centre of mass by
 y_P = -A^-1 (dA y/dP) P; it stands in the constant term of the first signal.

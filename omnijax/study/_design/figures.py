@@ -38,7 +38,7 @@ def limits_text(names: Sequence[str]) -> str:
 def not_finite(problem: Problem, f: np.ndarray, g: np.ndarray, what: str = "") -> str:
     """Which figures are not finite, of f (k, ...) and g (c, ...), in words; empty where none is.
 
-    They are `what` of the objective and the limits, if not these.
+    `what` says in words which numbers they are, if not the objective and the limits themselves.
     """
     limits = [
         limit.text
@@ -79,7 +79,7 @@ def _with_scales(limits: tuple[Limit, ...], seen: list[SqpSlopes]) -> tuple[Limi
 class ProblemFigures:
     """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g.
 
-    Limits without a scale have in `self.problem` that of their g at the starts.
+    A limit without a scale gets one in `self.problem`: the median size of its g at the starts.
     """
 
     def __init__(self, problem: Problem, seed: int):

@@ -181,6 +181,6 @@ class Design(AbstractResult):
 
 
 def _of_a_case(objective: str, cases: int) -> str:
-    """The name of the objective before it is combined over so many cases."""
+    """The objective's name for a single one of that many cases."""
     first, _, rest = objective.partition(" ")
     return rest if cases > 1 and first in {"worst", "mean"} else objective
