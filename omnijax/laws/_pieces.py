@@ -73,8 +73,8 @@ def to_powers(degree: int) -> np.ndarray:
     rows = np.polynomial.chebyshev.chebvander(chebyshev_nodes(degree), degree).T * 2 / (degree + 1)
     rows[0] /= 2
     powers = np.zeros((degree + 1, degree + 1))
-    for k in range(degree + 1):
-        line = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k])
+    for k, one in enumerate(np.eye(degree + 1)):
+        line = np.polynomial.chebyshev.cheb2poly(one)
         powers[: len(line), k] = line
     return powers @ rows
 

@@ -37,6 +37,10 @@ SAME = {  # changes that change nothing, and why
         "an index that JAX keeps inside the array",
     "SphereOutOfRound.__call__: "
     "self.axis @ direction / jnp.sqrt(self.axis @ self.axis)  ->  -(...)": "squared",
+    "_rollers: "
+    "gap.wheel_radius / gap.sphere_radius * jnp.sin(gap.width / 4 * (1 + x))  ->  -(...)":
+        "squared",
+    "mirrored: pieces.polynomial * sign  ->  pieces.polynomial / sign": "by one or minus one",
     "Gap.sagitta: self.wheel_radius / self.sphere_radius * jnp.sin(angle)  ->  -(...)": "squared",
     "Rollers.__call__: jnp.minimum(into, gap.width - into)  ->  -(...)":
         "the sagitta is even in the angle",
