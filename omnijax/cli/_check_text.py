@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from ..rig import FACTS
+from ..rig import FACTS, open_paths
 from ._table import columns, paragraph
 
 
@@ -30,10 +30,22 @@ def lines(name: str, summary: dict[str, Any]) -> Iterator[str]:
             "declaration is right; the frequencies are those without it", "  ",
         )  # fmt: skip
     if summary["uncertainty"]:
-        pairs = (f"{path} {100 * value:g} %" for path, value in summary["uncertainty"].items())
-        yield paragraph(f"uncertain (1 σ): {', '.join(pairs)}", "  ")
+        yield paragraph(f"uncertain (1 σ): {', '.join(_spreads(summary))}", "  ")
+    for sentence in summary["not_open"]:
+        yield paragraph(f"warning: {sentence}", "  ")
     for note in summary["notes"]:
         yield paragraph(f"note: {note}", "  ")
+
+
+_SPREADS = {"1": (100.0, "%"), "rad": (180 / math.pi, "°"), "s": (1e3, "ms"), "m": (1e3, "mm")}
+
+
+def _spreads(summary: dict[str, Any]) -> Iterator[str]:
+    """The 1-sigmas of `[uncertainty]`: per cent, an angle, a time or a length."""
+    units = open_paths([wheel["name"] for wheel in summary["wheels"]])
+    for path, sigma in summary["uncertainty"].items():
+        factor, sign = _SPREADS[units.get(path, "1")]
+        yield f"{path} {factor * sigma:.4g} {sign}"
 
 
 def _bodies(summary: dict[str, Any]) -> Iterator[str]:

@@ -73,7 +73,7 @@ def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
     from ..dynamics import held_directions, mobility, same_contacts, weight
-    from ..rig import derived, parameter_paths
+    from ..rig import closed_numbers, derived, parameter_paths
     from ..vibration import modes
 
     elastic, motion, pressed = modes(rig), mobility(rig), weight(rig)
@@ -98,6 +98,7 @@ def _summary(rig: Any) -> dict[str, Any]:
         "damping_ratios": np.asarray(elastic.damping_ratio).tolist(),
         "effects": [{"id": placed.law.id, "place": placed.place} for placed in rig.effects],
         "uncertainty": dict(rig.uncertainty),
+        "not_open": closed_numbers(rig),
         "parameters": [info.path for info in parameter_paths(rig)],
     }
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from .._errors import did_you_mean as did_you_mean
     from ._batch import check_one_rig as check_one_rig
     from ._check_effects import law_places as law_places
+    from ._directions import ANGLES as ANGLES
     from ._facts import FACTS as FACTS
     from ._facts import derived as derived
     from ._facts import direction_angles as direction_angles
@@ -67,6 +68,13 @@ if TYPE_CHECKING:
     from ._typed import typed_above_zero as typed_above_zero
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers
+    from ._uncertain import CENTRE as CENTRE
+    from ._uncertain import DIRECTIONS as DIRECTIONS
+    from ._uncertain import GRAVITY as GRAVITY
+    from ._uncertain import SENSOR as SENSOR
+    from ._uncertain import closed_numbers as closed_numbers
+    from ._uncertain import open_paths as open_paths
+    from ._uncertain import uncertain_numbers as uncertain_numbers
     from ._units import GRAVITIES as GRAVITIES
     from ._units import converted as converted
     from ._upright import up as up

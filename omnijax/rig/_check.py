@@ -26,6 +26,7 @@ from ._schema import (
     quantities,
 )
 from ._table_profile import read_profile
+from ._uncertain import open_paths, wrong_unit
 
 RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
 _OTHERS = {
@@ -166,14 +167,6 @@ def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str
             yield f"table` {error}"
 
 
-def open_paths(names: list[str]) -> set[str]:
-    """What beside numbers of the rig may be uncertain: directions, and the sensors' gain, delay."""
-    paths = {f"sensor.{group}.{key}" for group in GROUPS for key in ("gain", "delay")}
-    for key in ("normal", "drive"):
-        paths |= {f"wheel.{key}", *(f"wheel.{name}.{key}" for name in names)}
-    return paths
-
-
 def _sphere_problems(sphere: Any) -> Iterator[str]:
     """A body inside its own surface: centre of mass, and inertia that its mass allows."""
     if not isinstance(sphere, Mapping):
@@ -214,7 +207,8 @@ def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:
     if not isinstance(table, Mapping):
         return
     effects = [block for block in _blocks(data, "effect") if isinstance(block, Mapping)]
-    known = scalar_paths(names, effects) | open_paths(names)
+    units = open_paths(names)
+    known = scalar_paths(names, effects) | set(units)
     for path, value in table.items():
         if isinstance(value, Mapping):
             inner = next(iter(value), "...")
@@ -222,3 +216,5 @@ def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:
         elif path not in known:
             hint = did_you_mean(path, known)
             yield f"`uncertainty.{path}` must be a parameter of the rig, but is none.{hint}"
+        elif (reason := wrong_unit(path, value, units)) is not None:
+            yield reason

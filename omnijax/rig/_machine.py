@@ -86,7 +86,7 @@ class Rig(eqx.Module):
     `sphere` has scalars in m, kg and kg m^2, `platform` its mass in kg and gravity (3,) in m/s^2,
     `wheels` one entry a wheel: (n,), vectors (n, 3).  `profiles` (n) holds one wheel shape a wheel,
     `effects` the laws added to the paper's model, `names` (n) the wheels' names and `uncertainty`
-    pairs of (parameter path, relative 1-sigma).
+    pairs of (parameter path, 1-sigma: a share, or in rad, s, m).
     """
 
     sphere: Sphere

@@ -62,24 +62,24 @@ class Quantity:
 
 
 class Spread:
-    """A 1-sigma: relative, an angle of a direction ("0.2 deg"), a sensor's delay ("0.2 ms")."""
+    """A 1-sigma: a share, an angle ("0.2 deg"), a sensor's delay ("0.2 ms"), a length ("1 mm")."""
 
     unit, low, high = "1", 0.0, math.inf
 
     def read(self, given: Any) -> float:
-        """`given` as a number above 0 (rad, s); raises `ValueError` where it is none."""
+        """`given` as a number above 0 (rad, s, m); raises `ValueError` where it is none."""
         try:
             return Quantity("1", above=0).read(given)
         except ValueError:
-            if not isinstance(given, str) or not given.strip().endswith("s"):
+            if not isinstance(given, str) or (unit := given.strip()[-1:]) not in ("s", "m"):
                 raise
-            return Quantity("s", above=0).read(given)
+            return Quantity(unit, above=0).read(given)
 
     def __get_pydantic_core_schema__(self, source, handler):
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema, handler):
-        text = "1-sigma, relative; an angle of a direction; a time of a sensor's delay"
+        text = "1-sigma: a share, an angle of a direction, a time of a delay, a length"
         return {**Quantity("1", above=0).json_schema(), "description": text}
 
 

@@ -132,7 +132,7 @@ def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:
         ]
         lines += _effect(placed.law, placed.place, rig.size, files)
     if rig.uncertainty:
-        lines += ["", "[uncertainty]  # relative 1-sigma"]
+        lines += ["", "[uncertainty]  # 1-sigma: shares, rad, s, m"]
         lines += [f"{_toml(key)} = {_toml(value)}" for key, value in rig.uncertainty]
     return "\n".join(lines) + "\n"
 
