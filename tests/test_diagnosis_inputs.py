@@ -7,12 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import lsim
+from seeds import drawn_anew
 
 from omnijax.diagnosis._machine import outliers
+from omnijax.diagnosis._machine.candidates import candidates
 from omnijax.diagnosis._machine.elastic import rig_modes
 from omnijax.diagnosis._machine.modes import forced, propagate
 from omnijax.diagnosis._machine.outliers import at_limits, spikes
+from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.smooth import smooth
+from omnijax.diagnosis._machine.unit_laws import Context
+from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
 STEP, SAMPLES = 0.002, 40
@@ -158,3 +163,20 @@ def test_where_two_rollers_meet_is_an_edge():
     edges = outliers.near_edges(machine, machine, 0)
     begins, meet, ends = (int(np.argmax(theta[:, 0] > x)) for x in (0.1, 0.2, 0.3))
     assert edges[[begins, meet, ends]].all() and edges.sum() == 3 * (2 * outliers.EDGE + 1)
+
+
+def test_a_friction_that_falls_is_tried_at_shares_of_the_speed_of_the_runs():
+    """From 0.1 to 3 rad/s on any machine, a wheel of 30 rad/s was hardly covered."""
+    rng, rig = drawn_anew("falling friction"), load_rig("atlas")
+    for pace in (*np.exp(rng.uniform(np.log(0.3), np.log(50), 3)), 7.0):
+        context = Context(rig, ("theta",), np.ones(3), (), 100, speed=pace)
+        made = candidates(context, {"stribeck": EFFECTS["stribeck"]})
+        tried = sorted({one.decode([1.0])["speed"] for one in made})
+        assert tried[0] == pytest.approx(0.015 * pace) and tried[-1] == pytest.approx(pace / 2)
+        for one in made:
+            assert {float(p.law.speed) for p in one.columns} == {one.decode([1.0])["speed"]}
+    assert tried == pytest.approx([0.1, 0.3, 1.0, 3.0], rel=0.2)
+    turning = [SimpleNamespace(speed=rng.normal(size=(50, 3))) for _ in range(2)]
+    machine = SimpleNamespace(rig=rig, motions=lambda _: dict(enumerate(turning)))
+    pace = RigModel._pace.func(SimpleNamespace(machine=machine))
+    assert pace == pytest.approx(np.sqrt(np.mean([m.speed**2 for m in turning])))

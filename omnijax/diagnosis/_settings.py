@@ -161,7 +161,8 @@ class CandidatesSettings:
     least_gap: float = 1e-4  # RMS deflections of a mount, the least play told
     small_gaps: tuple[float, ...] = (0.01, 0.05)  # plays far below it, by their tangent
     relaxation: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)  # s
-    stribeck: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)  # rad/s, two decades of a wheel's speed
+    # of the wheels' RMS speed: where friction falls; 0.1 to 3 rad/s in machines of 7 rad/s
+    stribeck: tuple[float, ...] = (0.015, 0.05, 0.15, 0.5)
     ladder: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # SI, of a constant without range
     between: int = 4  # values tried between a shape constant's bounds
     # of the way to a law without strength, that its tangent has to ask for at least

@@ -140,11 +140,12 @@ def _late(law: Law, place: str, context: Context) -> list[Candidate]:
 
 
 def _stribeck(law: Law, place: str, context: Context) -> list[Candidate]:
-    """Where friction falls with speed, over two decades of the speed at which it does."""
+    """Where friction falls with speed, over some decades below the speed of the runs."""
+    speeds = [share * context.speed for share in SETTINGS.candidates.stribeck]
     return [
         _one_column(law, place, context, lambda c, v=v: {"torque": float(c[0]), "speed": v},
-                    f"speed {v:g} rad/s", torque=1.0, speed=v)
-        for v in SETTINGS.candidates.stribeck
+                    f"speed {v:.3g} rad/s", torque=1.0, speed=v)
+        for v in speeds
     ]  # fmt: skip
 
 

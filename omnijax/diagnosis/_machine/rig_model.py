@@ -125,6 +125,12 @@ class RigModel(AbstractModel):
         ratio = float(np.max(self.rig.wheels.radius)) / float(self.rig.sphere.radius)
         return {"shaft": shaft, "rolling": shaft * ratio}
 
+    @functools.cached_property
+    def _pace(self) -> float:
+        """RMS of the wheels' speeds in all runs, rad/s; 1 where they stand."""
+        motions = self.machine.motions(self.machine.rig).values()
+        return float(np.sqrt(np.mean([np.mean(m.speed**2) for m in motions]))) or 1.0
+
     def residuals(self, points, split):
         share = len(self.splits[split]) / len(self.splits["train"])
         unlike = {(p.u[self._clocks :].tobytes(), repr(p.effects)): p for p in points}
@@ -324,7 +330,7 @@ class RigModel(AbstractModel):
         longest = max(self.machine.runs[i].samples for i in self.splits["train"])
         torques = np.max([np.abs(b.torque).max(axis=0) for b in self._bases], axis=0)
         context = Context(self.rig, self.groups, rms, self._lines(point), longest,
-                          self._orders(point, taken), torques, self._tops)  # fmt: skip
+                          self._orders(point, taken), torques, self._tops, self._pace)  # fmt: skip
         return candidates(context, self.laws)
 
     def _orders(

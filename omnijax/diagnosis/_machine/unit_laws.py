@@ -14,13 +14,15 @@ class Context:
 
     `samples` of the longest run is about how many lines (half a resolution apart) could be picked.
     `orders` holds by law and wheel the orders that stand out and of how many they were picked,
-    `torques` the largest commanded torque of each wheel, `tops` what a channel hardly exceeds.
+    `torques` the largest commanded torque of each wheel, `tops` what a channel hardly exceeds,
+    `speed` the wheels' RMS speed in rad/s.
     """
 
     def __init__(self, rig: Rig, groups, mount_rms, lines: tuple[float, ...], samples: int,
-                 orders=None, torques=None, tops=None):  # fmt: skip
+                 orders=None, torques=None, tops=None, speed: float = 1.0):  # fmt: skip
         self.rig, self.groups, self.mount_rms, self.lines = rig, groups, mount_rms, lines
         self.samples, self.orders, self.tops = samples, orders or {}, tops or {}
+        self.speed = speed
         self.torques = np.zeros(len(rig.names)) if torques is None else torques
 
 
