@@ -1,6 +1,7 @@
 """Parameter paths: every one reads, sets, differentiates and batches."""
 
 import contextlib
+import tomllib
 
 import equinox as eqx
 import jax
@@ -9,9 +10,13 @@ import numpy as np
 import pytest
 from rigs import effect, tables, with_effects
 
+from omnijax.cli._starter import EXAMPLES
+from omnijax.cli._starter import rig_text as starter
+from omnijax.cli._study_starter import template
 from omnijax.laws import EFFECTS, AirDrag, BearingViscous, Creep
 from omnijax.rig import (
     InputError,
+    closed_numbers,
     get_parameter,
     load_rig,
     parameter_info,
@@ -121,6 +126,17 @@ def test_uncertainty_speaks_of_paths_that_exist():
         assert get_parameter(rig, path).size in {1, 3}
     for path, _ in load_rig("atlas").uncertainty:
         assert get_parameter(RIG, path).shape == (3,)
+
+
+def test_files_to_begin_with_list_what_a_drawing_leaves_open():
+    """Parts within tolerance were taken for exact, and named as creep and sensors' gains."""
+    starts = [load_rig("atlas"), load_rig("atlas-tripod")]
+    starts.append(parse_rig(tomllib.loads(template("rig.toml"))))
+    starts.append(parse_rig(tomllib.loads(starter(EXAMPLES["ballbot"]))))
+    for rig in starts:
+        listed = dict(rig.uncertainty)
+        assert {"wheel.radius", "wheel.roundness", "wheel.inertia"} < set(listed)
+        assert closed_numbers(rig) == []
 
 
 def test_a_law_is_added_at_a_place_that_exists():

@@ -134,7 +134,13 @@ mount = {{ stiffness = "{mount_stiffness:.6g} kN/m", damping = {mount_damping:.4
 closure = {{ stiffness = "{closure:.6g} kN/m", preload = {preload:.4g} }}
 """
 _TAIL = """\
-[uncertainty]  # relative 1-sigma of what is not known well, for the diagnosis
-"contact.stiffness" = 0.3
+[uncertainty]  # 1-sigma of what is not known well, a share, for the diagnosis
+"contact.stiffness" = 0.3  # guess, as a rubber's data sheet is
 "contact.damping" = 0.3
+"wheel.radius" = 5e-4  # what a drawing leaves open: a turned rim of 80 mm to 0.08 mm, two sigma
+"wheel.roundness" = 0.01  # rollers of moulded rubber: their ends to 0.1 mm of a gap of 10 mm
+"wheel.inertia" = 0.03  # by CAD, whose densities and small parts are not the wheel's
+# "sphere.inertia" = 0.02, "wheel.zenith" = "0.1 deg", azimuth, skew or "sensor.dR.gain" = 0.01 may
+# stand here too.  What is listed is calibrated, in more time, and no effect that acts alike is
+# named: creep beside radii, sensor-gain beside roundness, motor-gain of all wheels beside inertias.
 """
