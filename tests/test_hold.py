@@ -10,7 +10,7 @@ import pytest
 from compilations import counted
 from machines import SKEW, machine
 
-from omnijax._errors import InputError
+from omnijax._errors import DataWarning, InputError
 from omnijax._status import Status
 from omnijax.dynamics import held, held_directions, hold_obstacle
 from omnijax.simulation import propagate, speeds, steady_state
@@ -139,9 +139,11 @@ def test_a_rig_that_no_wheel_drives_about_an_axis_ends_without_figures():
     """w2 opposite w1 with parallel rims: Omega is not finite, and the sizes are still counted."""
     E = np.eye(3)
     rig = machine(([E[0], -E[0], E[2]], [E[2], E[2], E[1]]))
-    state = steady_state(rig, jnp.asarray(W), **SIZES)
+    with pytest.warns(DataWarning, match="no wheel drives the axis|do not fit"):
+        state = steady_state(rig, jnp.asarray(W), **SIZES)
     assert int(state.status) == Status.UNHELD and np.isnan(state.peak)
-    run = propagate(rig, speeds(W), jnp.linspace(0, 0.1, 6))
+    with pytest.warns(DataWarning, match="no wheel drives the axis|do not fit|drifts off"):
+        run = propagate(rig, speeds(W), jnp.linspace(0, 0.1, 6))
     assert int(run.status) == Status.NON_FINITE and "no wheel drives" in run.message()
     with pytest.raises(InputError, match="no steady state: unheld"):
         Panel("a", rig, W.tolist(), 0).evaluate({})

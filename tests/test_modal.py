@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compilations import counted
-from machines import ORTHOGONAL, machine
+from machines import ANY_SPEEDS, ORTHOGONAL, machine
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -26,7 +26,7 @@ from omnijax.simulation._modal.arithmetic import rows
 from omnijax.simulation._modal.batch import SIZES, _size, effort_for
 from omnijax.vibration import METRICS, evaluate, run_metrics
 
-pytestmark = [pytest.mark.long, pytest.mark.brief]
+pytestmark = [pytest.mark.long, pytest.mark.brief, ANY_SPEEDS]
 
 DURATION, STEP = 0.4, 0.002
 

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import ORTHOGONAL, SKEW, drawn_machine, machine
+from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -36,7 +36,7 @@ from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
 from omnijax.vibration import evaluate
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, ANY_SPEEDS]
 
 METRICS = ("rms", "peak")
 OTHERS = (  # one of each channel, read from samples

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from machines import drawn_machine
+from machines import ANY_SPEEDS, drawn_machine
 from seeds import drawn_anew
 from test_one_evaluation import linear_effects
 
@@ -13,6 +13,8 @@ from omnijax.simulation import simulate, speeds
 from omnijax.study import design, pareto, parse_study
 from omnijax.study._evaluation import samples_of
 from omnijax.vibration import evaluate
+
+pytestmark = ANY_SPEEDS
 
 METRICS = ("rms", "sphere_acceleration_rms")
 DURATION, RATE = 0.06, 500.0

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import SKEW, drawn_machine, machine
+from machines import ANY_SPEEDS, SKEW, drawn_machine, machine
 from scipy.linalg import expm
 from seeds import drawn_anew
 
@@ -20,7 +20,7 @@ from omnijax.simulation._exact.system import exact_obstacle
 from omnijax.study import sweep
 from omnijax.vibration import evaluate
 
-pytestmark = pytest.mark.brief
+pytestmark = [pytest.mark.brief, ANY_SPEEDS]
 
 TS = jnp.linspace(0.2, 0.7, 11)
 W = (0.4, 5.2, -1.3)

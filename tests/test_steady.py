@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import ORTHOGONAL, SKEW, drawn_machine, machine
+from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 
 from omnijax import InputError, laws
@@ -21,7 +21,7 @@ from omnijax.vibration import (
     weighted_acceleration,
 )
 
-pytestmark = [pytest.mark.long, pytest.mark.brief]
+pytestmark = [pytest.mark.long, pytest.mark.brief, ANY_SPEEDS]
 
 
 def _harmonic(rig, w, count=6000):

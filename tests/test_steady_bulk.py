@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import ORTHOGONAL, SKEW, drawn_machine, machine
+from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 from test_modal import KINDS, cone, hidden, maker, points_of, varied
 
@@ -30,7 +30,7 @@ from omnijax.vibration import (
     steady_metric,
 )
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, ANY_SPEEDS]
 BOTH = ("rms", "peak")
 
 

@@ -35,7 +35,7 @@ def explore(
     browser
         Open the page in the browser.
     """
-    from .._errors import InputError, require
+    from .._errors import InputError, require, tell
 
     require("starlette", "view3d")
     require("uvicorn", "view3d")
@@ -44,9 +44,13 @@ def explore(
     if not rigs:
         raise InputError("name at least one rig: omnijax explore atlas")
     machines = {name: load_rig(name) for name in rigs}
+    from ..simulation import remarks
+    from ..simulation import speeds as drive_by
     from ..view import serve
 
     speeds = {name: start_speeds(speed, omega, machine) for name, machine in machines.items()}
+    for name, machine in machines.items():
+        tell(remarks(machine, drive_by(speeds[name]), None, "coupled"))
     serve(machines, speeds, host=host, port=port, browser=browser)
 
 

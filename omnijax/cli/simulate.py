@@ -9,7 +9,7 @@ from .._files import claim
 from .._interrupts import NOTHING, resumable
 from .._reading import existing
 from ._axis import refuse, simulate_machine
-from ._drive import AskedDrive, asked, warnings
+from ._drive import AskedDrive, asked
 from ._kind import file_kind
 from ._motion import MotionOptions, NumericsOptions
 from ._options import PICTURES, Json, Overwrite, check_ending, command_line, emit
@@ -76,7 +76,7 @@ def simulate(
     with resumable(begun.kept):
         run = begun.run()
         summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
-        summary["warnings"] = warnings(machine, wanted.drive, run, numerics.model)
+        summary["warnings"] = _remarks(machine, wanted, numerics.model)
         for warning in summary["warnings"]:
             print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
         if measured is not None:
@@ -84,6 +84,13 @@ def simulate(
         summary |= _written(run, begun, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
     return _code(run)
+
+
+def _remarks(rig: Any, wanted: AskedDrive, model: str) -> list[str]:
+    """What the wheels' places and speeds say against the run."""
+    from ..simulation import remarks
+
+    return remarks(rig, wanted.drive, (float(wanted.times[0]), float(wanted.times[-1])), model)
 
 
 def _keep_programs() -> None:

@@ -66,6 +66,10 @@ if TYPE_CHECKING:
     from ._mobility import weight as weight
     from ._pointwise import Pointwise as Pointwise
     from ._pointwise import pointwise_shape_acceleration as pointwise_shape_acceleration
+    from ._remarks import Sliding as Sliding
+    from ._remarks import driving_remarks as driving_remarks
+    from ._remarks import sliding_of as sliding_of
+    from ._remarks import sliding_remarks as sliding_remarks
     from ._rotation import drive_forces as drive_forces
     from ._rotation import external_force as external_force
     from ._rotation import inertia_at as inertia_at

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ._exact import forcing as forcing
     from ._exact import propagate as propagate
     from ._exact import propagate_in_pieces as propagate_in_pieces
+    from ._exact import propagated as propagated
     from ._exact import reached_like as reached_like
     from ._files import asked_in as asked_in
     from ._files import check_suffix as check_suffix
@@ -50,6 +51,9 @@ if TYPE_CHECKING:
     from ._padding import bytes_a_sample as bytes_a_sample
     from ._plots import channel_scale as channel_scale
     from ._plots import plot_run as plot_run
+    from ._remarks import drift_remarks as drift_remarks
+    from ._remarks import remarks as remarks
+    from ._remarks import speed_remarks as speed_remarks
     from ._sensors import drive_from_recording as drive_from_recording
     from ._sensors import measured as measured
     from ._signals import Signal as Signal
@@ -70,6 +74,7 @@ if TYPE_CHECKING:
     from ._solve import simulate as simulate
     from ._solve import simulate_fixed as simulate_fixed
     from ._solve import simulate_many as simulate_many
+    from ._solve import simulated as simulated
     from ._solve import solve_in_pieces as solve_in_pieces
     from ._solve import start_vector as start_vector
     from ._solve import state_of as state_of
@@ -82,6 +87,7 @@ if TYPE_CHECKING:
     from ._steady import line_rates as line_rates
     from ._steady import line_response as line_response
     from ._steady import line_state as line_state
+    from ._steady import settled as settled
     from ._steady import steady_state as steady_state
     from ._trajectory import Trajectory as Trajectory
     from ._trajectory import load_run as load_run

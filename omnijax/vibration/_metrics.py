@@ -9,11 +9,12 @@ from jaxtyping import Array, Float
 
 from .._arrays import largest, smallest
 from .._batch import check_single
-from .._errors import did_you_mean
+from .._errors import did_you_mean, tell
 from .._root import root
 from .._text import split_names
 from ..rig import Rig, check_one_rig, up
-from ..simulation import RunChannels, SteadyFigures, Trajectory
+from ..simulation import RunChannels, SteadyFigures, Trajectory, remarks
+from ..simulation import speeds as speed_drive
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
 from ._comfort import weighted_acceleration
 from ._steady import SHARPNESS, SteadyRun
@@ -202,13 +203,15 @@ def steady_metrics(
 
     A constant `force` on the platform (N) counts as in `steady_state`.
     Every metric of `STEADY_METRICS`; `ValueError` for others, which need a run.
-    NaN where the wheels do not hold the sphere in every direction.
+    NaN where the wheels do not hold the sphere in every direction.  Warns as `steady_state` does.
     """
     for name in names:
         if known(name) not in STEADY_METRICS:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    figures = _steady_figures(rig, jnp.asarray(speeds, float), tuple(names), model, angles, force)
+    speeds = jnp.asarray(speeds, float)
+    figures = _steady_figures(rig, speeds, tuple(names), model, angles, force)
+    tell(remarks(rig, speed_drive(speeds), None, model))
     return dict(zip(names, figures, strict=True))
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from .._errors import InputError
 from .._text import quantity_text
-from ..dynamics import rolling, sphere_velocity
+from ..dynamics import rolling, sliding_of, sphere_velocity
 from ..rig import Rig, put_parameter, read_parameter
-from ..simulation import steady_state
+from ..simulation import settled
 from ..vibration import contact_load, natural_frequencies
 from ._scene import machine_scene
 from ._sliders import Slider, sliders
@@ -67,8 +67,11 @@ class Panel:
         Raises `InputError` for a rig that has no steady state, or none in closed form.
         """
         rig, speeds = self.changed(values)
+        still = jnp.zeros(rig.size)
         try:
-            state = steady_state(rig, jnp.asarray(speeds), harmonics=HARMONICS, grid_bits=GRID_BITS)
+            state = settled(
+                rig, jnp.asarray(speeds, float), still, harmonics=HARMONICS, grid_bits=GRID_BITS
+            )
         except ValueError as error:
             raise InputError(str(error)) from error
         if not state.ok:
@@ -78,7 +81,7 @@ class Panel:
         order, spectrum = _lines(rig, state)
         return {
             "machine": machine_scene(rig),
-            "figures": _figures(state),
+            "figures": _figures(state) + _sliding(rig, speeds),
             "contacts": _contacts(rig, speeds),
             "t": np.asarray(t).tolist(),
             "distance": (1e6 * np.linalg.norm(frames["dR"], axis=1)).round(4).tolist(),
@@ -108,6 +111,15 @@ def _figures(state) -> list[dict[str, str]]:
             ("sphere's acceleration, RMS", state.sphere_acceleration_rms, "m/s^2"),
         )
     ]
+
+
+def _sliding(rig: Rig, speeds: list[float]) -> list[dict[str, str]]:
+    """By how much speeds that do not fit each other make a contact slide; empty where they fit."""
+    slides = sliding_of(rig, np.asarray([speeds], float))
+    if slides.fits:
+        return []
+    most = quantity_text(float(slides.speed.max()), "m/s")
+    return [{"label": "speeds do not fit: a contact slides by", "value": most}]
 
 
 def _contacts(rig: Rig, speeds: list[float]) -> list[dict[str, Any]]:

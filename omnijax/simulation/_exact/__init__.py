@@ -19,6 +19,7 @@ from .period_map import passages as passages
 from .period_map import periodic_starts as periodic_starts
 from .propagate import propagate as propagate
 from .propagate import propagate_in_pieces as propagate_in_pieces
+from .propagate import propagated as propagated
 from .propagate import propagation_obstacle as propagation_obstacle
 from .propagate import reached_like as reached_like
 from .system import ForcedSystem as ForcedSystem

@@ -16,7 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..._arrays import on_device
-from ..._errors import InputError
+from ..._errors import InputError, tell
 from ..._memory import SHARE, available, in_words
 from ..._programs import kept
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
@@ -24,6 +24,7 @@ from ...rig import Rig, as_rig
 from .._channels import trajectory
 from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
 from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
+from .._remarks import ends, remarks
 from .._signals import Vector, is_constant, is_traced
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
@@ -57,15 +58,21 @@ def propagate(
 
     Rig, wheel speeds and sample times (or a duration) as `simulate` takes them.  Starts at ts[0]
     in static equilibrium, as `simulate` does, with the same channels (t, 3) and (t, n) in SI.  The
-    cost does not depend on the contact's damping or stiffness.  Raises `InputError` for input that
-    does not fit, and `ValueError` for a run that the closed form does not cover (`exact_obstacle`
-    says why).
+    cost does not depend on the contact's damping or stiffness.  Warns as `simulate` does.  Raises
+    `InputError` for input that does not fit, and `ValueError` for a run that the closed form does
+    not cover (`exact_obstacle` says why).
 
     Source: the paper's eqs. 32-42 at known speeds (`docs/theory.md`, prescribed speeds); Van
     Loan, IEEE Trans. Autom. Control 23 (1978).
     """
     rig, ts = as_rig(rig), as_times(ts)
     asked = drive_for(rig, drive)
+    tell(remarks(rig, asked, ends(ts), model))
+    return propagated(rig, asked, ts, model=model)
+
+
+def propagated(rig: Rig, asked: AbstractDrive, ts, *, model: str = "coupled") -> Trajectory:
+    """`propagate` of a drive that fits its rig, for studies: one of many runs warns of nothing."""
     if any(is_traced(x) for x in jax.tree.leaves((rig, asked, ts))):
         return _traced(rig, _covered(rig, asked, ts, model), ts, model)
     runs, samples = Gathered(len(ts)), min(EXACT_PIECE, room(len(ts)))

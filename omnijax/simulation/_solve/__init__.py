@@ -11,6 +11,7 @@ from .fixed_step import simulate_fixed as simulate_fixed
 from .fixed_step import simulate_many as simulate_many
 from .simulate import goes_exactly as goes_exactly
 from .simulate import simulate as simulate
+from .simulate import simulated as simulated
 from .state_vector import build_model as build_model
 from .state_vector import initial_state_like as initial_state_like
 

@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..._errors import InputError
+from ..._errors import InputError, tell
 from ...rig import Rig, as_rig
 from .._between import at_samples, to_be_seen
 from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
-from .._exact import propagate, propagation_obstacle
+from .._exact import propagated, propagation_obstacle
+from .._remarks import ends, remarks
 from .._signals import Vector
 from .._trajectory import Trajectory
 from .defaults import MAX_STEPS, RTOL
@@ -44,20 +45,41 @@ def simulate(
     rig and `dopri8` for others; or name one of them, `tsit5` or `kvaerno5`.  `rtol` is the solvers'
     relative tolerance per step (absolute: the same in units of the gap's depth), `adjoint`
     diffrax's way to differentiate them; giving one asks for a solver.  For sensors that remember (a
-    delay, a lag) the run knows points between its samples too (see `measured`).  Raises
-    `InputError` for input that does not fit; never for a failed run: see `Trajectory.status`.
+    delay, a lag) the run knows points between its samples too (see `measured`).  Warns of speeds
+    that do not fit each other, and of an axis that the wheels hardly drive.  Raises `InputError`
+    for input that does not fit; never for a failed run: see `Trajectory.status`.
 
     Source: the paper's eqs. 1-11 and 32-46 with the errata of `docs/theory.md`; Hochbruck and
     Ostermann, Acta Numerica 2010 (exponential methods).
     """
     rig = as_rig(rig)
     drive, ts = drive_for(rig, drive), as_times(ts, duration, rate)
+    tell(remarks(rig, drive, ends(ts), model))
+    return simulated(
+        rig, drive, ts, model=model, solver=solver, rtol=rtol, max_steps=max_steps,
+        keep_radius_rate=keep_radius_rate, adjoint=adjoint,
+    )  # fmt: skip
+
+
+def simulated(
+    rig: Rig,
+    drive: AbstractDrive,
+    ts,
+    *,
+    model: str = "coupled",
+    solver: str = "auto",
+    rtol: float = RTOL,
+    max_steps: int = MAX_STEPS,
+    keep_radius_rate: bool = False,
+    adjoint: "dfx.AbstractAdjoint | None" = None,
+) -> Trajectory:
+    """`simulate` of a drive that fits its rig, for studies: one of many runs warns of nothing."""
     rig, fine, points = to_be_seen(rig, ts)
     built = build_model(rig, model, keep_radius_rate)
     exact = goes_exactly(rig, drive, fine, model, solver, keep_radius_rate)
     if exact and (solver == "exact" or adjoint is None):
         assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
-        return at_samples(propagate(rig, drive, fine, model=model), points)
+        return at_samples(propagated(rig, drive, fine, model=model), points)
     from .solve import solve  # diffrax takes as long to import as an exact run takes
 
     return at_samples(solve(built, drive, fine, solver, rtol, max_steps, adjoint), points)

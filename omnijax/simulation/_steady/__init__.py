@@ -9,4 +9,5 @@ from .spectrum import line_rates as line_rates
 from .spectrum import line_response as line_response
 from .spectrum import line_state as line_state
 from .steady import SteadyState as SteadyState
+from .steady import settled as settled
 from .steady import steady_state as steady_state

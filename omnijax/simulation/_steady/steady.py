@@ -10,13 +10,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
 from ..._batch import batch_words, check_single, single_status
+from ..._errors import tell
 from ..._programs import kept
 from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig, as_rig, typed_numbers
 from .._drives import check_vector
+from .._drives import speeds as speed_drive
 from .._exact import exact_obstacle, levels_needed, longest_passage
+from .._remarks import remarks
 from .._signals import Vector
 from .long_run import LongRun
 from .peak_search import bits_needed
@@ -139,16 +142,14 @@ def steady_state(
     `force` on the platform (N) accelerates the machine as a whole and adds a constant deflection;
     accelerations are those of the inertial frame, so the common one is part of them.  Where the
     wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
-    and all figures are NaN, inside transformations too.  Raises `InputError` for numbers that do
-    not fit or are not finite, `ValueError` for a rig with laws that are not linear in the elastic
+    and all figures are NaN, inside transformations too.  Warns of speeds that do not fit each
+    other, and of an axis that the wheels hardly drive.  Raises `InputError` for numbers that do not
+    fit or are not finite, `ValueError` for a rig with laws that are not linear in the elastic
     state.
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
     rig = as_rig(rig)
-    reason = exact_obstacle(rig, model)
-    if reason is not None:
-        raise ValueError(f"no closed-form steady state: {reason}; use `simulate`.")
     speeds = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
     angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
     force = None if force is None else jnp.asarray(force, float)
@@ -156,6 +157,29 @@ def steady_state(
     check_vector("angles", angles, rig.size)
     if force is not None:
         check_vector("force", force, 3)
+    state = settled(
+        rig, speeds, angles, model=model, harmonics=harmonics, grid_bits=grid_bits,
+        sharpness=sharpness, force=force,
+    )  # fmt: skip
+    tell(remarks(rig, speed_drive(speeds), None, model))
+    return state
+
+
+def settled(
+    rig: Rig,
+    speeds: Float[Array, " n"],
+    angles: Float[Array, " n"],
+    *,
+    model: str = "coupled",
+    harmonics: int = 32,
+    grid_bits: int | None = None,
+    sharpness: float | None = None,
+    force: Float[Array, "3"] | None = None,
+) -> SteadyState:
+    """`steady_state` of numbers that fit the rig; warns of nothing, raises `ValueError` alike."""
+    reason = exact_obstacle(rig, model)
+    if reason is not None:
+        raise ValueError(f"no closed-form steady state: {reason}; use `simulate`.")
     passage = longest_passage(rig, speeds, angles, model)
     bits = bits_needed(passage) if grid_bits is None else grid_bits
     levels = levels_needed(passage, bits)

@@ -14,6 +14,7 @@ from .drives import apply
 from .evaluation import Evaluation, samples_of, without_run
 from .fixed_steps import fine_enough, trial_designs
 from .methods import Question, choose, wheels_in_step
+from .misfits import speed_misfits
 
 Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
 
@@ -53,6 +54,7 @@ def evaluation_of(
         tell([remark])
     if times is not None and (remark := coarse_samples(question, times, ranges)) is not None:
         tell([remark])
+    tell(speed_misfits(question, times, ranges))
     how = Evaluation(
         method=method,
         metrics=question.metrics,

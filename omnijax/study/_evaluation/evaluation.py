@@ -19,10 +19,10 @@ from ...simulation import (
     SpeedDrive,
     TorqueDrive,
     Trajectory,
-    propagate,
+    propagated,
     sample_times,
-    simulate,
     simulate_fixed,
+    simulated,
     without_sensors,
 )
 from ...vibration import SteadyRun, evaluate, metric_problem, steady_metric
@@ -84,7 +84,7 @@ class Evaluation(NamedTuple):
         return SteadyRun(rig, speeds, angles, self.model, force=force)
 
     def _propagated(self, rig: Rig, drive: SpeedDrive) -> Trajectory:
-        return propagate(rig, drive, jnp.asarray(self.times), model=self.model)
+        return propagated(rig, drive, jnp.asarray(self.times), model=self.model)
 
     def _by_fixed_steps(self, rig: Rig, drive: TorqueDrive) -> Trajectory:
         ts, how = jnp.asarray(self.times), EXPONENTIAL if self.solver == "auto" else self.solver
@@ -95,7 +95,7 @@ class Evaluation(NamedTuple):
 
         adjoint = ForwardMode() if self.forward else None
         moving, ts = without_sensors(rig), jnp.asarray(self.times)  # no metric reads a sensor
-        return simulate(
+        return simulated(
             moving, drive, ts, model=self.model, solver=self.solver,
             rtol=self.rtol, max_steps=self.max_steps, adjoint=adjoint,
         )  # fmt: skip
