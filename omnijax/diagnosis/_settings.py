@@ -848,11 +848,14 @@ class UnlistedSettings:
 
     # relative 1-sigma that is granted to a number that the drawing does not leave open: three times
     # a common tolerance, for a part that is out of it is what is looked for
-    tolerances: tuple[tuple[str, float], ...] = (
-        ("sphere.inertia", 0.1), ("sphere.mass", 0.1), ("sphere.radius", 2e-3),
-        ("platform.mass", 0.1), ("wheel.radius", 2e-3), ("wheel.roundness", 0.05),
-        ("wheel.inertia", 0.2), ("wheel.mass", 0.2),
-    )  # fmt: skip
+    sphere_inertia: float = 0.1
+    sphere_mass: float = 0.1
+    sphere_radius: float = 2e-3
+    platform_mass: float = 0.1
+    wheel_radius: float = 2e-3
+    wheel_roundness: float = 0.05
+    wheel_inertia: float = 0.2
+    wheel_mass: float = 0.2
     step: float = 0.02  # of that, over which differences are taken
     worth: float = 0.5  # share of the gap that must follow to first order for a refit: time
     tried: int = 2  # of which the best are refitted: time

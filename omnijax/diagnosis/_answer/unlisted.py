@@ -14,7 +14,9 @@ from .._search import Fit, Point, Prior, beside_taken, refit, taken_up
 from .._settings import SETTINGS
 from .evidence import Unlisted
 
-TOLERANCES = dict(SETTINGS.unlisted.tolerances)
+PATHS = ("sphere.inertia", "sphere.mass", "sphere.radius", "platform.mass", "wheel.radius",
+         "wheel.roundness", "wheel.inertia", "wheel.mass")  # fmt: skip
+TOLERANCES = {path: getattr(SETTINGS.unlisted, path.replace(".", "_")) for path in PATHS}
 STEP = SETTINGS.unlisted.step
 TRIED = SETTINGS.unlisted.tried
 WORTH = SETTINGS.unlisted.worth
