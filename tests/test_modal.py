@@ -21,6 +21,7 @@ from omnijax.simulation import (
     propagate,
     speeds,
 )
+from omnijax.simulation._exact import forced_system
 from omnijax.simulation._modal import batch as _batch
 from omnijax.simulation._modal.arithmetic import rows
 from omnijax.simulation._modal.batch import SIZES, _size, effort_for
@@ -247,6 +248,127 @@ def test_gradients_are_the_slopes_between_designs(name):
     expected = np.einsum("idkm,k->imd", values, weights)
     scale = np.abs(expected).max(axis=2, keepdims=True)
     np.testing.assert_allclose(found.slopes[:2] / scale, expected / scale, rtol=0, atol=1e-5)
+
+
+def poles_of(make):
+    """row -> the poles of the design, rad/s."""
+
+    @jax.jit
+    def matrix(row):
+        at = make(row)
+        return forced_system(at.rig, "coupled", at.speeds, tuple(range(at.rig.size))).A
+
+    return lambda row: np.linalg.eigvals(np.asarray(matrix(row)))
+
+
+def critical(make, row):
+    """The row with that many times its contacts' damping at which two poles meet."""
+    poles = poles_of(make)
+
+    def real(share) -> int:
+        value = poles(row * np.array([1, 1, share, 1, 1, 1]))
+        return int(np.sum(np.abs(value.imag) < 1e-9 * np.abs(value).max()))
+
+    shares = np.geomspace(0.1, 300, 30)
+    count = [real(share) for share in shares]
+    i = next(i for i in range(29) if count[i] < count[i + 1])
+    low, high = shares[i : i + 2]
+    while low < (middle := (low + high) / 2) < high:
+        low, high = (middle, high) if real(middle) == count[i] else (low, middle)
+    return row * np.array([1, 1, high, 1, 1, 1])
+
+
+NEAR = np.array([0.0, 1e-12, -1e-9, 1e-7, -1e-5, 1e-4])  # of a number, where poles coincide
+WIDE = 2e-3 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])  # and where they do not
+
+
+def beside(make, row, figures):
+    """Errors of values and slopes by the damping at `NEAR` distances from poles that coincide.
+
+    Against the polynomial through what `figures` gives at `WIDE` ones; errors of slopes as shares
+    of the largest one by any number.
+    """
+    distance = np.concatenate([NEAR, WIDE])
+    rows = critical(make, row) * (1 + distance[:, None] * (np.arange(6) == 2))
+    got = figures(make, rows)
+    own, wide = np.split(got.values, [len(NEAR)])
+    fit = np.polynomial.Polynomial.fit
+    values = np.stack([fit(WIDE, y, 7)(NEAR) for y in wide.T], 1)
+    slopes = np.stack([fit(WIDE, y, 7)(NEAR) for y in got.slopes[len(NEAR) :, :, 2].T], 1)
+    rises = np.stack([fit(WIDE, y, 7).deriv()(0.0) for y in wide.T]) / rows[0, 2]
+    size = np.abs(got.slopes[len(NEAR) :]).max(axis=(0, 2))
+    shares = (got.slopes[: len(NEAR), :, 2] - slopes) / size
+    return own / values - 1, shares, (rises - got.slopes[0, :, 2]) / size
+
+
+def alike_machine(rng, **changes):
+    """Three equal wheels around the sphere, of drawn stiffness and mass."""
+    drawn = {
+        "roundness": rng.uniform(0.3, 0.6),
+        "contact_stiffness": 2e5 * rng.uniform(0.5, 2),
+        "mass": rng.uniform(0.15, 0.4),
+        "mount_stiffness": 1e6 * rng.uniform(0.5, 2),
+    }
+    fixed = {"contact_damping": 150.0, "mount_damping": 60.0, "closure_stiffness": 2e4}
+    return machine(cone(rng, 3, 0.0), **drawn | fixed | changes)
+
+
+def test_figures_and_gradients_where_poles_meet():
+    """Critical damping of drawn rigs and distances down to none from it.
+
+    A peak that another sample or oscillation takes over is a kink: those count by their median.
+    """
+    rng = drawn_anew("damping at which poles meet")
+    settings = {"duration": DURATION, "step": STEP, "gradient": True}
+    make = varied(alike_machine(rng))
+
+    def figures(make, rows):
+        return modal_figures(make, rows, **settings)
+
+    every = [beside(make, row, figures) for row in rng.uniform(0.8, 1.2, (5, 6))]
+    for errors, least in zip(zip(*every, strict=True), (1e-10, 1e-7, 1e-7), strict=True):
+        sizes = np.abs(errors)
+        assert sizes[..., 0].max() < least, sizes
+        assert np.median(sizes[..., 1], axis=0).max() < least, sizes
+
+
+def test_runs_where_poles_meet_are_those_gathered_on_the_way():
+    """RMS and its slopes read from samples, beside those of designs where no poles meet."""
+    rng = drawn_anew("damping at which poles meet")
+    make = varied(hidden(machine(cone(rng, 3))))
+    rows = rng.uniform(0.8, 1.2, (8, 6))
+    rows[:4] = [critical(make, row) for row in rows[:4]]
+    rows[2:4] *= 1 + 1e-9 * (np.arange(6) == 2)
+    settings = {"duration": DURATION, "step": STEP, "gradient": True}
+    own = modal_figures(make, rows, **settings)
+    every = run_metrics(make, rows, ("rms", "peak", "elastic_rms"), **settings)
+    np.testing.assert_allclose(own.values, every.values[:, :2], rtol=1e-10)
+    size = np.abs(every.slopes[:, :2]).max(axis=2, keepdims=True)
+    assert np.abs((own.slopes - every.slopes[:, :2]) / size).max() < 1e-8
+
+
+def test_undamped_rigs_driven_at_a_natural_frequency():
+    """Values as those of propagated runs, slopes by the speed as between designs."""
+    rng = drawn_anew("natural frequencies")
+    make, h = varied(alike_machine(rng, mount_damping=0.0)), 3e-6
+    row = rng.uniform(0.8, 1.2, 6) * (np.arange(6) != 2)
+    at = make(row)
+    rate = 2 * np.pi / at.rig.gaps.width[0] * abs(at.speeds[0])
+    natural = rng.choice(np.unique(np.round(np.abs(poles_of(make)(row).imag), 6)))
+    natural = min(np.abs(poles_of(make)(row).imag), key=lambda x: abs(x - natural))
+    distance = np.array([0.0, 1e-15, -1e-12, 1e-9, -1e-7, 1e-6, -2 * h, -h, h, 2 * h])
+    rows = row * np.where(np.arange(6) == 4, natural / rate * (1 + distance[:, None]), 1.0)
+    settings = {"duration": DURATION, "step": STEP, "gradient": True}
+    got = modal_figures(make, rows, **settings)
+    ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
+    for row, values in zip(rows[:6], got.values, strict=False):
+        at = make(row)
+        run = propagate(at.rig, speeds(at.speeds, at.force, at.angles), ts)
+        expected = evaluate(run, at.rig, ("rms", "peak"))
+        np.testing.assert_allclose(values, list(expected.values()), rtol=1e-8)
+    rise = np.array([1, -8, 8, -1]) @ got.values[-4:] / (12 * h * rows[0, 4])
+    size = np.abs(got.slopes[-1]).max(axis=1)
+    assert np.abs((got.slopes[:4, :, 4] - rise) / size).max() < 1e-4
 
 
 @pytest.mark.parametrize("count", tiered([1, 3], lambda count: count == 3))

@@ -13,6 +13,7 @@ from ..._compiling import Effort
 from ..._programs import kept
 from ..._root import root
 from .batch import ready
+from .coincidence import Answer, Coincidence, answered
 from .gradient import half_root
 from .groups import of_groups
 from .obstacles import BULK_METRICS, modal_obstacle, modal_steady_obstacle
@@ -24,6 +25,7 @@ from .sums_along import sums_along
 from .system import OUTPUTS, Layout, LinearDesign, Operating
 from .transient import Lanes, samples_of
 
+MARGINS = 2  # normal force and grip, the last ones of the figures
 # XLA's best code of their gradients is slower: Atlas 205 us a design for 111, tripod 248 for 168,
 # compiled in 60 s for 45
 STEADY_GRADIENTS = Effort.QUICK
@@ -103,8 +105,13 @@ def _batches(
     """`figures(design, layout, effort)` of all designs, batch by batch."""
     parts, slopes = [], []
     for batch in ready(make, rows, model, obstacle, total, outputs, most):
-        values, bars = figures(batch.design, batch.layout, batch.effort)
-        parts.append(np.concatenate([values, batch.held()[None]]))
+
+        def ask(design: LinearDesign, _, batch=batch) -> tuple[Answer, Coincidence]:
+            values, bars, at = figures(design, batch.layout, batch.effort)
+            return Answer((values[:-MARGINS], bars), values[-MARGINS:]), at
+
+        (values, bars), margins = answered(ask, batch.design, batch.count, 1)
+        parts.append(np.concatenate([values, margins, batch.held()[None]]))
         if gradient:
             slopes.append(batch.back(bars))
     *values, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
@@ -119,7 +126,9 @@ def _batches(
 
 @kept
 def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
-    """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
+    """(4, B): figures and margins; derivatives by systems and signals, one entry a metric; and what
+    coincides.
+    """
 
     def some(g: Lanes):
         also = sums_along(g, layout, step) if gradient else None
@@ -136,11 +145,13 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
         figures = [root(square) for square in squares]
         return jnp.stack([*figures, samples.normal, samples.slip]), slopes
 
-    return of_groups(some, design, layout, step * count)
+    return of_groups(some, design, layout, step * count, duration=step * count)
 
 
 @kept
 def _long_run(design: LinearDesign, layout: Layout, table: LongRunTable, gradient: bool):
-    """(m + 2, B): the table's metrics and margins of the long run; and derivatives."""
+    """(m + 2, B): the table's metrics and margins of the long run; derivatives; and what
+    coincides.
+    """
     span = longest_period(design.signals, layout) if gradient else None
     return of_groups(lambda g: steady_of(g, layout, table, gradient), design, layout, span)

@@ -9,7 +9,9 @@ with Psi_ol(z) = sum_t g_o(t) phi_l(z, t) and the divided difference
 
     Psi[x, y] = (Psi(x) - Psi(y))/(x - y),    Psi' where the poles are as good as equal,
 
-finite for any basis of a degenerate space.  As Psi is taken at the pole of c or at that of b, it is
+finite for any basis of a degenerate space.  Where vectors come together with their poles, those
+divided differences cancel against each other: such designs are asked at points beside them (see
+`coincidence`).  As Psi is taken at the pole of c or at that of b, it is
 only asked for as outputs show it, sum_o c_o Psi_ol, and as inputs give it, sum_l b_l Psi_ol.  Here
 are both and their derivatives at every pair, and the figure's derivatives by what the signals are
 made of; `pull_back` goes on to the matrices.

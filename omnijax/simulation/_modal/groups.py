@@ -8,14 +8,18 @@ import jax
 import jax.numpy as jnp
 
 from ..._compiling import on_cpu
+from .coincidence import Coincidence, coincidence
 from .gradient import pull_back
 from .poles import Eigen, eigen, modes_of
 from .system import Layout, LinearDesign
 from .transient import LANES, Lanes
 
 
-def of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more):
-    """Figures of `some(lanes)` for all designs, and what its slopes give by what these are made of.
+def of_groups(
+    some: Callable, design: LinearDesign, layout: Layout, span, *more, duration=None
+) -> tuple[Any, Any, Coincidence]:
+    """Figures of `some(lanes)` for all designs, what its slopes give by what these are made of, and
+    what coincides in runs of a `duration` (s, see `coincidence`).
 
     `span` (s): over which two poles are as good as equal or not.  `some` takes `more` of each group
     too, which leads its arrays.
@@ -35,7 +39,8 @@ def of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more)
 
     values, bars = jax.lax.map(one, (groups, more))
     bars = jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)
-    return jax.tree.map(_flat, values), bars
+    at = coincidence(pairs, design.signals.rate, duration)
+    return jax.tree.map(_flat, values), bars, at
 
 
 def _flat(x):

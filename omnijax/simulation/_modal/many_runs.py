@@ -13,6 +13,7 @@ from ...rig import Rig
 from .._padding import room
 from .batch import DesignBatch, ready
 from .blocks import LENGTH
+from .coincidence import Answer, answered, coincidence
 from .groups import grouped, lanes_of, of_groups
 from .obstacles import modal_obstacle
 from .poles import eigen
@@ -24,7 +25,7 @@ from .transient import LANES, Lanes
 class RunGroup(NamedTuple):
     """Outputs of a group of runs at t = 0, step, ..., and the rigs."""
 
-    outputs: Float[Array, "c o length"]  # `RUN_OUTPUTS`; what follows the samples means nothing
+    outputs: Float[Array | np.ndarray, "c o length"]  # `RUN_OUTPUTS`; what follows the samples means nothing
     rigs: Rig  # without names and laws that do not enter; one leading axis
     wanted: int  # of these runs; the others fill up the group
     design: LinearDesign
@@ -48,8 +49,14 @@ class ModalRuns:
             design, rigs = jax.tree.map(
                 lambda x, s=part: np.asarray(x)[s], (b.design, b.points.rig)
             )
-            outputs = _outputs(design, *self._given, length, effort=b.effort)
-            yield RunGroup(outputs, rigs, min(b.count - first, LANES), design)
+            wanted = min(b.count - first, LANES)
+
+            def ask(design: LinearDesign, _):
+                outputs, at = _outputs(design, *self._given, length, effort=b.effort)
+                return Answer(outputs), at
+
+            outputs = answered(ask, design, wanted, 0).smooth
+            yield RunGroup(outputs, rigs, wanted, design)
 
     def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere, of the wanted designs."""
@@ -71,10 +78,13 @@ class ModalRuns:
         )
         s = group.design.system
         part = s._replace(C=s.C[:, rows], direct=s.direct[:, :, rows], rate=s.rate[:, :, rows])
-        bars = _run_slopes(
-            group.design._replace(system=part), few, *samples, np.asarray(weights)[:, rows],
-            effort=self.effort,
-        )  # fmt: skip
+        weights = np.asarray(weights)[:, rows]
+
+        def ask(design: LinearDesign, numbers):
+            bars, at = _run_slopes(design, few, *samples, weights[numbers], effort=self.effort)
+            return Answer(bars), at
+
+        bars = answered(ask, group.design._replace(system=part), group.wanted, 1).smooth
 
         def placed(x, axis: int) -> np.ndarray:
             whole = np.zeros(np.insert(np.delete(x.shape, axis), axis, layout.rows))
@@ -125,19 +135,25 @@ def _moving(weights):
 
 @kept
 def _outputs(design: LinearDesign, layout: Layout, step, count, length: int):
-    """(B, o, length): the outputs at the samples, and room for a block after them."""
-    groups = jax.tree.map(grouped, lanes_of(design, eigen(design.system, layout)))
+    """(B, o, length): the outputs at the samples, and room for a block after them; and what
+    coincides.
+    """
+    pairs = eigen(design.system, layout)
+    groups = jax.tree.map(grouped, lanes_of(design, pairs))
     runs = jax.lax.map(lambda g: outputs_of(g, layout, step, count, length), groups)
-    return runs.reshape(-1, *runs.shape[2:])
+    at = coincidence(pairs, design.signals.rate, step * count)
+    return runs.reshape(-1, *runs.shape[2:]), at
 
 
 @kept
 def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
-    """Derivatives by the designs' arrays from those by the outputs, (B, o, length)."""
+    """Derivatives by the designs' arrays from those by the outputs, (B, o, length); and what
+    coincides.
+    """
 
     def some(g: Lanes, weights):
         slopes = run_slopes(g, layout, step, count, weights)
         return None, jax.tree.map(lambda x: x[None], slopes)
 
     groups = jnp.moveaxis(grouped(jnp.moveaxis(weights, 0, -1)), -1, 1)
-    return of_groups(some, design, layout, step * count, groups)[1]
+    return of_groups(some, design, layout, step * count, groups, duration=step * count)[1:]
