@@ -333,7 +333,7 @@ def test_figures_and_gradients_where_poles_meet():
 
 
 def test_runs_where_poles_meet_are_those_gathered_on_the_way():
-    """RMS and its slopes read from samples, beside those of designs where no poles meet."""
+    """RMS, peak and slopes, in a batch with designs whose poles do not meet."""
     rng = drawn_anew("damping at which poles meet")
     make = varied(hidden(machine(cone(rng, 3))))
     rows = rng.uniform(0.8, 1.2, (8, 6))
@@ -341,10 +341,10 @@ def test_runs_where_poles_meet_are_those_gathered_on_the_way():
     rows[2:4] *= 1 + 1e-9 * (np.arange(6) == 2)
     settings = {"duration": DURATION, "step": STEP, "gradient": True}
     own = modal_figures(make, rows, **settings)
-    every = run_metrics(make, rows, ("rms", "peak", "elastic_rms"), **settings)
-    np.testing.assert_allclose(own.values, every.values[:, :2], rtol=1e-10)
-    size = np.abs(every.slopes[:, :2]).max(axis=2, keepdims=True)
-    assert np.abs((own.slopes - every.slopes[:, :2]) / size).max() < 1e-8
+    every = run_metrics(make, rows, BULK_METRICS, **settings)
+    np.testing.assert_allclose(own.values, every.values, rtol=1e-10)
+    size = np.abs(every.slopes).max(axis=2, keepdims=True)
+    assert np.abs((own.slopes - every.slopes) / size).max() < 1e-8
 
 
 def test_undamped_rigs_driven_at_a_natural_frequency():
@@ -354,8 +354,7 @@ def test_undamped_rigs_driven_at_a_natural_frequency():
     row = rng.uniform(0.8, 1.2, 6) * (np.arange(6) != 2)
     at = make(row)
     rate = 2 * np.pi / at.rig.gaps.width[0] * abs(at.speeds[0])
-    natural = rng.choice(np.unique(np.round(np.abs(poles_of(make)(row).imag), 6)))
-    natural = min(np.abs(poles_of(make)(row).imag), key=lambda x: abs(x - natural))
+    natural = rng.choice(np.abs(poles_of(make)(row).imag))
     distance = np.array([0.0, 1e-15, -1e-12, 1e-9, -1e-7, 1e-6, -2 * h, -h, h, 2 * h])
     rows = row * np.where(np.arange(6) == 4, natural / rate * (1 + distance[:, None]), 1.0)
     settings = {"duration": DURATION, "step": STEP, "gradient": True}

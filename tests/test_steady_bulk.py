@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
-from test_modal import KINDS, cone, hidden, maker, points_of, varied
+from test_modal import KINDS, alike_machine, beside, cone, hidden, maker, points_of, varied
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -68,6 +68,23 @@ def test_gradients_are_the_slopes_between_designs(name):
     scale = np.abs(expected).max(axis=1, keepdims=True)
     error = np.abs(found.slopes[0] - expected) / scale
     assert np.all(error < [[1e-7], [1e-5]]), error
+
+
+@pytest.mark.parametrize(
+    "names", [pytest.param(("rms",), id="rms"), pytest.param(BOTH, marks=pytest.mark.full)]
+)
+def test_figures_and_gradients_where_poles_meet(names):
+    """Critical damping of drawn rigs and distances down to none from it."""
+    rng = drawn_anew("damping at which poles meet")
+    make = varied(alike_machine(rng))
+
+    def figures(make, rows):
+        return long_run_metrics(make, rows, names, gradient=True)
+
+    for row in rng.uniform(0.8, 1.2, (2, 6)):
+        errors = [np.abs(x) for x in beside(make, row, figures)]
+        assert errors[0].max() < 1e-10, errors
+        assert max(x.max() for x in errors[1:]) < 1e-6, errors
 
 
 @pytest.mark.full

@@ -139,5 +139,6 @@ def _put(
 ) -> None:
     """What points y say of a batch's `own` designs in x, where it is a number."""
     each = y[: len(own) * len(STEPS)].reshape(len(own), len(STEPS), *y.shape[1:])
-    mean = np.tensordot(weights, each, (0, 1))
+    with np.errstate(invalid="ignore"):  # of a rig that nothing holds
+        mean = np.tensordot(weights, each, (0, 1))
     x[own] = np.where(np.isfinite(mean), mean, x[own])

@@ -25,7 +25,9 @@ from .transient import LANES, Lanes
 class RunGroup(NamedTuple):
     """Outputs of a group of runs at t = 0, step, ..., and the rigs."""
 
-    outputs: Float[Array | np.ndarray, "c o length"]  # `RUN_OUTPUTS`; what follows the samples means nothing
+    outputs: Float[
+        Array | np.ndarray, "c o length"
+    ]  # `RUN_OUTPUTS`; what follows the samples means nothing
     rigs: Rig  # without names and laws that do not enter; one leading axis
     wanted: int  # of these runs; the others fill up the group
     design: LinearDesign
@@ -78,10 +80,10 @@ class ModalRuns:
         )
         s = group.design.system
         part = s._replace(C=s.C[:, rows], direct=s.direct[:, :, rows], rate=s.rate[:, :, rows])
-        weights = np.asarray(weights)[:, rows]
+        given = np.asarray(weights)[:, rows]
 
         def ask(design: LinearDesign, numbers):
-            bars, at = _run_slopes(design, few, *samples, weights[numbers], effort=self.effort)
+            bars, at = _run_slopes(design, few, *samples, given[numbers], effort=self.effort)
             return Answer(bars), at
 
         bars = answered(ask, group.design._replace(system=part), group.wanted, 1).smooth
