@@ -247,6 +247,7 @@ def test_what_the_page_says_of_a_parameter_are_words_of_it():
     assert hasattr(laws, "ANY_LENGTH")
     of_sensors = set(re.findall(r"`(\w+) = True`", PAGE))
     assert of_sensors == vars(laws.AbstractSensor).keys() & {"remembers", "momentary"}
+    assert "`linear: ClassVar[bool] = True`" in PAGE and "linear" in vars(laws.AbstractMount)
 
 
 class SpeedRipple(laws.AbstractShaft):

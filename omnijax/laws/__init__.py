@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ._library import declaration_problem as declaration_problem
     from ._library import in_words as in_words
     from ._library import laws_of as laws_of
+    from ._library import linear_problem as linear_problem
     from ._library import load_laws as load_laws
     from ._library import of_library as of_library
     from ._measurement import EncoderEccentricity as EncoderEccentricity

@@ -101,6 +101,8 @@ PORTS = tuple(
 )
 
 
+LINEAR_PORTS = ("contact", "mount")  # whose laws may say that they are linear
+
 RUN_LIMIT = 8  # s; a file that only declares is done in a fraction of one
 
 
@@ -144,7 +146,10 @@ def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
     for name, law in laws.items():
         formula = law.__call__ is not AbstractLaw.__call__
         own = (law.port, law.places, law.parameters, field_names(law), defaults_of(law))
-        wrong = declaration_problem(name, *own, formula)
+        said = vars(law).get("linear", False)
+        wrong = declaration_problem(name, *own, formula) or linear_problem(
+            name, law.port, said, field_names(law)
+        )
         if wrong is not None:
             raise ValueError(f"{path}: {wrong}")
     return laws
@@ -176,6 +181,20 @@ def declaration_problem(
     ):
         return f"law `{name}`: `parameters` must map names to Parameter(...)."
     return _fields_problem(name, parameters, fields, defaults)
+
+
+def linear_problem(name: str, port: str, linear: Any, fields: Iterable[str]) -> str | None:
+    """What is wrong with `linear`, as a class says it; a field of that name is a parameter."""
+    if "linear" in fields or linear is False:
+        return None
+    if linear is not True:
+        return f"law `{name}`: `linear` must be True or False, but is {linear!r}."
+    if port in LINEAR_PORTS:
+        return None
+    return (
+        f"law `{name}` says `linear = True`, which means something at {' and '.join(LINEAR_PORTS)} "
+        f"alone, but its port is `{port}`."
+    )
 
 
 def _fields_problem(

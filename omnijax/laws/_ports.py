@@ -93,9 +93,14 @@ class AbstractSurface(AbstractLaw):
 
 
 class AbstractContact(AbstractLaw):
-    """Contact: `ContactSignal` -> additional tension in N beside K delta + C d(delta)/dt."""
+    """Contact: `ContactSignal` -> additional tension in N beside K delta + C d(delta)/dt.
+
+    A law is `linear` whose tension and rate of memory are sums of deflection, rate and memory, each
+    times a factor that hangs on numbers of law and rig alone.  Closed forms take it.
+    """
 
     port: ClassVar[str] = "contact"
+    linear: ClassVar[bool] = False
 
 
 class AbstractSeparation(AbstractLaw):
@@ -105,9 +110,13 @@ class AbstractSeparation(AbstractLaw):
 
 
 class AbstractMount(AbstractLaw):
-    """Mount: `MountSignal` -> additional tension in N beside k Delta + c d(Delta)/dt."""
+    """Mount: `MountSignal` -> additional tension in N beside k Delta + c d(Delta)/dt.
+
+    `linear` says of a law what it says at the port `contact`.
+    """
 
     port: ClassVar[str] = "mount"
+    linear: ClassVar[bool] = False
 
 
 class AbstractRadius(AbstractLaw):

@@ -70,6 +70,7 @@ class ContactRelaxation(AbstractContact):
 
     id: ClassVar[str] = "contact-relaxation"
     words: ClassVar[str] = "a contact that relaxes (viscoelastic)"
+    linear: ClassVar[bool] = True
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "contact tension += K₁(δ − z), ż = (δ − z)/τ"
     parameters: ClassVar[dict[str, Parameter]] = {

@@ -48,6 +48,7 @@ class _Class(NamedTuple):
     fields: tuple[str, ...]
     defaults: frozenset[str]  # of them those that have one
     formula: bool
+    own: dict[str, Any]  # of `said` what its own lines assign
 
     def attribute(self, name: str) -> Any:
         """What stands under `name`, the library's where the file says nothing; else `_UNREAD`."""
@@ -90,7 +91,7 @@ class _File:
                 fields.append(ast.unparse(line.target))
                 defaults |= set() if line.value is None else {fields[-1]}
         methods = (x.name for x in ast.walk(node) if isinstance(x, ast.FunctionDef))
-        formula, library = "__call__" in said or "__call__" in methods, None
+        formula, library, own = "__call__" in said or "__call__" in methods, None, dict(said)
         for above in node.bases:
             base = self._read(above)
             if not isinstance(base, _Class):  # of another module: it may have a formula
@@ -100,7 +101,7 @@ class _File:
             defaults |= base.defaults
             fields = [*base.fields, *(x for x in fields if x not in base.fields)]
             formula, library = formula or base.formula, library or base.library
-        return _Class(library, said, tuple(fields), frozenset(defaults), formula)
+        return _Class(library, said, tuple(fields), frozenset(defaults), formula, own)
 
     def _law(self, name: str, read: _Class) -> Declared:
         if read.library is None:
@@ -118,6 +119,10 @@ class _File:
         wrong = laws.declaration_problem(
             name, port, places, parameters, read.fields, read.defaults, read.formula
         )
+        linear = read.own.get("linear", False)
+        if wrong is None and linear is _UNREAD:
+            self._refuse(name, "`linear` out as True or False")
+        wrong = wrong or laws.linear_problem(name, str(port), linear, read.fields)
         if wrong is not None:
             raise InputError(f"{self.path}: {wrong}")
         return Declared(name, port, places, parameters)
@@ -210,4 +215,6 @@ def _of_the_library(name: str) -> Any:
 def _library_class(value: type[laws.AbstractLaw]) -> _Class:
     """A class of the library as the lines of a file see it."""
     formula = value.__call__ is not laws.AbstractLaw.__call__
-    return _Class(value, {}, laws.field_names(value), frozenset(laws.defaults_of(value)), formula)
+    return _Class(
+        value, {}, laws.field_names(value), frozenset(laws.defaults_of(value)), formula, {}
+    )

@@ -18,6 +18,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ...dynamics import (
+    ELASTIC_PORTS,
     TRANSLATIONS,
     AbstractTranslation,
     PortInputs,
@@ -29,7 +30,7 @@ from ...dynamics import (
 )
 from ...laws import (
     EFFECTS,
-    ContactRelaxation,
+    AbstractLaw,
     DamagedRoller,
     FloorVibration,
     TableShape,
@@ -40,6 +41,7 @@ from ...laws import (
 from ...rig import Rig, over_wheels
 from .._signals import is_traced
 from .forcing import period_kind, room_obstacle
+from .linear_laws import linear_obstacle, says_linear
 
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
 
@@ -75,6 +77,11 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     Raises `InputError` for an unknown `model`.
     """
     check_model(model)
+    reason = _shape_obstacle(rig) or _law_obstacle(rig, model)
+    return reason or (None if model == "paper" else _turning_obstacle(rig))
+
+
+def _shape_obstacle(rig: Rig) -> str | None:
     for i, profile in enumerate(rig.profiles):
         if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
@@ -86,9 +93,12 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
             return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"
         if laws and kind == "pitch" and (full := room_obstacle(rig, i)) is not None:
             return full
+    return None
+
+
+def _law_obstacle(rig: Rig, model: str) -> str | None:
     known = {
         "shape": (DamagedRoller, WheelRunout),
-        "contact": (ContactRelaxation,),
         "platform": (FloorVibration,),
         "radius": object,
         "command": object,
@@ -100,12 +110,32 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     if model == "paper":  # what only turns the sphere does not enter its translation there
         known |= {"sphere": object, "rolling": object}
     for placed in rig.effects:
+        if placed.law.port in ELASTIC_PORTS and says_linear(placed.law):
+            if (reason := linear_obstacle(placed.law)) is not None:
+                return reason
+            continue
         kinds = known.get(placed.law.port, ())
         if kinds is not object and type(placed.law) not in kinds:  # one below them is another law
-            linear = "is not linear in the elastic state"
-            why = linear if of_library(placed.law, EFFECTS) else "has no closed form here"
-            return f"law `{placed.law.id}` {why}"
-    return None if model == "paper" else _turning_obstacle(rig)
+            return f"law `{placed.law.id}` {_why_not(placed.law)}"
+    return None
+
+
+def _why_not(law: AbstractLaw) -> str:
+    """Why a law is outside the linear class, in words.
+
+    A sphere out of round shows P2(e . Q^T R_i) of its attitude Q, and Q' = Omega x Q with Omega =
+    J(r_b + rho) omega: gaps and runout move Omega, so that Q follows no sum of the wheels' lines.
+    """
+    if of_library(law, EFFECTS):
+        turning = "is not linear in the sphere's rate, which the wheels' shapes move"
+        attitude = (
+            "hangs on the sphere's attitude, which is no function of the wheels' angles (the "
+            "sphere's rate follows their rolling radii, gaps included)"
+        )
+        of_port = {"surface": attitude, "sphere": turning, "rolling": turning}
+        return of_port.get(law.port, "is not linear in the elastic state")
+    silent = ", as it does not say `linear = True`" if law.port in ELASTIC_PORTS else ""
+    return f"has no closed form here{silent}"
 
 
 def _turning_obstacle(rig: Rig) -> str | None:

@@ -21,14 +21,20 @@ FEWEST = 8  # samples that one loop over designs works out beside each other at 
 class Loads:
     """Normal and drive forces of a group's wheels, and what they do not exceed in a block."""
 
-    def __init__(self, m: PolePairs, preload, friction, parts: ForcedPart, layout: Layout):
+    def __init__(self, m: PolePairs, preload, friction, parts: ForcedPart, layout: Layout, span):
+        """`span` (s): how long a block lasts at most."""
         n = layout.wheels
         self.preload, self.friction, self.layout = preload, friction, layout
         self.shown = shown = shown_by(range(3, 3 + 2 * n), m, parts, layout)
         self.complex = m.kind > 0
         k, c0, c1 = shown.kind > 0, jnp.abs(shown.c0), jnp.abs(shown.c1)
         row, self.pair = _beside(shown.live[:n])
-        sizes = jnp.where(k, jnp.sqrt(c0 * c0 + c1 * c1), c0), jnp.where(k, 0.0, c1)
+        each = np.concatenate([np.asarray(pairs, int) for pairs in shown.live])
+        grown0, grown1 = (rows(_grown(x * span), each) for x in (m.l0, m.l1))
+        sizes = (
+            jnp.where(k, jnp.sqrt(c0 * c0 + c1 * c1), c0) * grown0,
+            jnp.where(k, 0.0, c1 * grown1),
+        )
         self.pair_size = [_picked(x, row) for x in sizes]
         row, self.wave = _beside(shown.waves)
         self.wave_size = _picked(jnp.sqrt(shown.cosine**2 + shown.sine**2), row)
@@ -36,7 +42,8 @@ class Loads:
     def bounds(self, s: WalkState) -> tuple[Array, Array]:
         """Bounds from below of N and mu N - |f| of all wheels over a block, (n, c) each.
 
-        No pair of poles grows, so none shows more than at the block's begin.
+        A pair of poles that decays shows no more than at the block's begin, one that grows (as a
+        user's law may make it) no more than at its end.
         """
         z0, z1 = s.free
         z0 = jnp.where(self.complex, jnp.sqrt(z0 * z0 + z1 * z1), jnp.abs(z0))
@@ -93,6 +100,11 @@ class Loads:
             for i in range(n):
                 low = materialised(lambda *x, i=i: lower(i, *x, like=i), low, weights, t, s.count)
         return jax.lax.complex(*(across(jnp.minimum, x) for x in _parts(low)))
+
+
+def _grown(exponent):
+    """How many times as large a free part has become, at least 1; without overflow."""
+    return jnp.exp(jnp.clip(exponent, 0.0, 300.0))
 
 
 def _parts(x) -> Pair:

@@ -20,6 +20,8 @@ from .quartics import BlockPoles, block_poles
 from .shifted_qr import Decomposed, decomposed, pays
 from .system import Layout, System
 
+GROWTH = 1e-8  # of the largest pole: what grows more slowly is undamped, to rounding
+
 
 class PolePairs(NamedTuple):
     """Pole pairs (p), what they show (o) and what moves them (l: columns, then the start)."""
@@ -52,6 +54,14 @@ class Eigen(NamedTuple):
     kind: Bool[Array, "c p"]
     first: Float[Array, "c p k"]  # a one at the pair's first eigenvalue
     second: Float[Array, "c p k"]
+
+
+def grows(m: PolePairs) -> Bool[Array, " c"]:
+    """Whether a pole of a design makes what it moves grow, by more than rounding."""
+    second = jnp.where(m.kind > 0, m.l0, m.l1)
+    return jnp.any(
+        jnp.maximum(m.l0, second) > GROWTH * jnp.max(jnp.abs(m.l0) + jnp.abs(m.l1), 0), 0
+    )
 
 
 def eigen(system: System, layout: Layout) -> Eigen:

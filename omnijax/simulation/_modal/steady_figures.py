@@ -19,6 +19,7 @@ from .arithmetic import materialised
 from .curves import rows_shown
 from .gradient import Slopes, half_root
 from .phases import Phases, Spot, phases_of
+from .poles import grows
 from .steady_filtered import FilterPoles, filtered_slopes, filtered_squares
 from .steady_lines import ends_of, with_grip
 from .steady_margins import steady_margins
@@ -146,6 +147,7 @@ def steady_of(
 
     every = jnp.concatenate([piece.value for piece in pieces])
     values = jax.vmap(read, in_axes=-1, out_axes=-1)(every)
+    values = jnp.where(grows(g.modes), jnp.nan, values)  # there is no long run
     values = jnp.concatenate([values, jnp.stack(margins)])
     if not gradient:
         return values, None

@@ -109,7 +109,7 @@ def samples_of(
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
     moved = shown_by(range(ROWS), g.modes, parts, layout)
     together = moved.together(range(ROWS), layout)
-    loads = Loads(g.modes, g.preload, g.friction, parts, layout)
+    loads = Loads(g.modes, g.preload, g.friction, parts, layout, LENGTH * step)
 
     def outputs(w: Weights, t: BlockTables):
         return [moved.samples(w, t, layout, o) for o in range(ROWS)]

@@ -30,6 +30,7 @@ from .._exact import (
     forced_system,
     forcing_signals,
     like_groups,
+    may_grow,
     passages,
     periodic_starts,
     points,
@@ -41,6 +42,7 @@ from .peak_search import Curves, PeakPlaces, largest, places, supremum
 from .smooth_peak import PhasePlaces, smooth_peak
 
 BITS = 7  # of the even places a piece where extremes are looked for
+GROWTH = 1e-8  # of the largest pole: what grows more slowly is undamped, to rounding
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 
 
@@ -119,8 +121,16 @@ class LongRun:
 
     @property
     def status(self) -> Int[Array, ""]:
-        """`OK`, or `UNHELD` where the sphere drifts off and no periodic solution exists."""
-        return jnp.where(held(self.rig, self.model), Status.OK, Status.UNHELD)
+        """`OK`, `UNHELD` where the sphere drifts off, or `NON_FINITE` where the motion grows.
+
+        Of such a rig no periodic solution is what it does in the long run.
+        """
+        ended = jnp.where(held(self.rig, self.model), Status.OK, Status.UNHELD)
+        if not may_grow(self.rig):
+            return ended
+        poles = jnp.linalg.eigvals(jax.lax.stop_gradient(self.system.A))
+        grown = jnp.max(poles.real) > GROWTH * jnp.max(jnp.abs(poles))
+        return jnp.where((ended == Status.OK) & grown, Status.NON_FINITE, ended)
 
     def statistics(self, name: str) -> tuple[Float[Array, " o"], Float[Array, " o"]]:
         """Mean and mean square of each component, over all phases."""
