@@ -443,9 +443,21 @@ def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
     compiled = counted()
     rows = points_of(second, np.random.default_rng(2), count=40)
     modal_figures(maker(second), rows, duration=0.3, step=0.003)
+    rows[:, 1] = 0.0  # a wheel that stands still in every design
+    modal_figures(maker(second), rows, duration=0.3, step=0.003)
     assert compiled == []
     jax.jit(lambda x: x + len(compiled))(jnp.ones(7))  # what does compile is counted
     assert compiled
+
+
+def test_runs_of_other_rates_share_the_program_of_their_samples():
+    """What is read from the samples is a small program for each number of them."""
+    rig, rows = KINDS["round"][0], points_of(KINDS["round"][0], drawn_anew("rates"))
+    for i, rate in enumerate((1000, 700)):
+        compiled = counted()
+        asked = {"duration": 1.0, "step": 1 / rate}
+        figures = run_metrics(maker(rig), rows, ("sphere_acceleration_rms",), **asked)
+        assert len(compiled) <= (1 if i else np.inf) and np.all(np.isfinite(figures.values))
 
 
 @pytest.mark.parametrize("total", tiered([1, 2000, 1_000_000], (2000).__ne__))

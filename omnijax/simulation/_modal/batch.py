@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..._arrays import on_device
 from ..._compiling import Effort, on_cpu
 from ..._programs import kept
 from ...dynamics import held
@@ -38,7 +39,7 @@ SIZES = (LANES, 16 * LANES)  # designs a call of the compiled programs
 WIDE = (128 * LANES, 512 * LANES)  # beside these where all go in step, as on a GPU
 BACK = 128  # designs whose matrices' derivatives are worked out together: more leave the cache
 # whose laws enter the linear model and what it moves by
-_PORTS = ("radius", "shape", "contact", "platform", "kinematics")
+_PORTS = ("radius", "shape", "contact", "mount", "platform", "kinematics")
 
 
 class DesignBatch(NamedTuple):
@@ -120,7 +121,16 @@ def _apart(points: Operating, turn: np.ndarray | None, how: How, effort: Effort)
         if turn is not None:
             design, layout = _designs(points, how, turn, effort=effort)
             coupling = coupled(design.system)
-    return design, decoupled(design.system, layout, coupling), turn
+    shown = design.system
+    if np.any(still := _always_at_rest(points)):  # what they would drive is part of the program
+        moved = points._replace(speeds=on_device(np.where(still, 1.0, points.speeds)))
+        shown = _designs(moved, how, turn, effort=effort)[0].system
+    return design, decoupled(shown, layout, coupling), turn
+
+
+def _always_at_rest(points: Operating) -> Bool[np.ndarray, " n"]:
+    """Which wheels stand still in every design."""
+    return np.all(np.asarray(points.speeds) == 0, axis=0)
 
 
 @kept

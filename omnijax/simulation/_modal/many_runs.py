@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..._compiling import Effort
 from ..._programs import kept
 from ...rig import Rig
 from .._padding import room
@@ -20,6 +21,8 @@ from .poles import eigen
 from .runs import RUN_OUTPUTS, outputs_of, run_slopes
 from .system import Layout, LinearDesign, Operating, output_rows
 from .transient import LANES, Lanes
+
+SHORT = 2048  # samples of short runs: 22 MB of 64 designs with three wheels
 
 
 class RunGroup(NamedTuple):
@@ -45,7 +48,7 @@ class ModalRuns:
 
     def __iter__(self) -> Iterator[RunGroup]:
         """The groups that hold wanted designs."""
-        b, length = self._batch, room(self.samples + LENGTH, 4)
+        b, length = self._batch, self._length()
         for first in range(0, b.count, LANES):
             part = slice(first, first + LANES)
             design, rigs = jax.tree.map(
@@ -59,6 +62,15 @@ class ModalRuns:
 
             outputs = answered(ask, design, wanted, 0).smooth
             yield RunGroup(outputs, rigs, wanted, design)
+
+    def _length(self) -> int:
+        """Room for the samples and a block; of few designs one length for all short runs.
+
+        Each length is a program, which costs more than the room that few designs leave empty.
+        """
+        samples = self.samples + LENGTH
+        few = self.effort == Effort.LEAST and samples <= SHORT
+        return SHORT if few else room(samples, 4)
 
     def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere, of the wanted designs."""
