@@ -15,6 +15,7 @@ from seeds import drawn_anew
 
 import omnijax
 from omnijax import InputError, laws
+from omnijax.dynamics import rolling, sphere_velocity
 from omnijax.laws import ContactRelaxation
 from omnijax.rig._declaration import declared_laws
 from omnijax.simulation import (
@@ -26,6 +27,7 @@ from omnijax.simulation import (
     steady_state,
 )
 from omnijax.simulation._exact import forced_system
+from omnijax.study._evaluation.methods import Question, choose
 from omnijax.vibration import evaluate
 
 pytestmark = pytest.mark.brief
@@ -344,3 +346,37 @@ def test_a_law_that_feeds_the_motion_has_no_long_run_and_lifts_off_as_its_run_do
         runs = omnijax.sweep(case, {path: values}, ("rms",), speeds=W[:3], duration=0.4, rate=1000)
         assert runs["rms"][0] == pytest.approx(float(evaluate(run, one, "rms")["rms"]), rel=1e-8)
         assert runs.status(0) in ended
+
+
+OUTSIDE = {  # a law that no closed form takes -> its place, numbers, and why
+    "contact-cubic": ("w1", {"K3": 1e12}, "is not linear in the elastic state"),
+    "mount-backlash": ("all", {"gap": 1e-5}, "is not linear in the elastic state"),
+    "air-drag": ("sphere", {"D": 0.1}, "is not linear in the sphere's rate"),
+    "sphere-out-of-round": ("sphere", {"amplitude": 8e-5, "axis": [1.0, 0.3, 0.2]},
+                            "hangs on the sphere's attitude"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_a_rig_outside_the_linear_class_says_which_law_and_what_it_costs(name):
+    """It said that a sphere out of round is not linear in the elastic state."""
+    place, numbers, why = OUTSIDE[name]
+    law = laws.EFFECTS[name](**{key: jnp.asarray(x) for key, x in numbers.items()})
+    rig = omnijax.load_rig("atlas-tripod").add(law, place)
+    drive, length = speeds(W[:3]), drawn_anew(name).uniform(0.2, 5)
+    asked = Question(rig, (drive,), (), ("rms",), "coupled", length, True)
+    method, reason = choose(asked)
+    assert method == "full" and f"law `{name}` {why}" in reason
+    assert f"each run of {length:g} s is stepped in time" in reason
+    with pytest.raises(InputError, match=rf"(?s)`{name}` {why}.*each second of a run is stepped"):
+        choose(asked._replace(duration=None))
+    inside = asked._replace(rig=omnijax.load_rig("atlas-tripod"), duration=None)
+    assert "stepped" not in choose(inside)[1]
+
+
+def test_gaps_move_the_rate_of_the_sphere():
+    """So a sphere out of round shows no lines at |Omega| and 2 |Omega|."""
+    rig = drawn_machine(drawn_anew("rate of the sphere"), 3, laws.GatedSine())
+    angles = np.linspace(0, 2 * np.pi / np.asarray(rig.wheels.rollers), 50)
+    rate = jax.vmap(lambda a: sphere_velocity(rig, rolling(rig, a, W[:3]), W[:3]))(angles)
+    assert np.ptp(np.asarray(rate), axis=0).max() > 1e-4 * np.abs(rate).max()
