@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .drives import drive_quantities as drive_quantities
     from .drives import drive_to_plain as drive_to_plain
     from .drives import turning as turning
+    from .drives import with_few_knots as with_few_knots
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics
     from .evaluation import read_run as read_run

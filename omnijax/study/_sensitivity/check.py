@@ -7,8 +7,6 @@ forms.  Where a bound is nearer than h the difference is the one-sided one of se
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ...rig import Rig, parameter_info
@@ -37,8 +35,8 @@ def steps(rig: Rig, paths: tuple[str, ...], values: np.ndarray, precision: float
     return (3 * precision) ** (1 / 3) * np.array(spans)
 
 
-def compare(function, rig: Rig, paths: tuple[str, ...], values, raw, precision: float) -> Check:
-    """Differences of `function` (p,) -> (m,) at `values` beside its derivatives `raw` (m, p)."""
+def compare(figures_of, rig: Rig, paths: tuple[str, ...], values, raw, precision: float) -> Check:
+    """Differences of `figures_of` (b, p) -> (b, m) at `values` beside derivatives `raw` (m, p)."""
     h = steps(rig, paths, values, precision)
     low = np.array([parameter_info(rig, path).low for path in paths])
     high = np.array([parameter_info(rig, path).high for path in paths])
@@ -46,8 +44,7 @@ def compare(function, rig: Rig, paths: tuple[str, ...], values, raw, precision: 
     first = np.where(side == 0, 1.0, side)  # offsets in steps: +-1, or 1 and 2 to one side
     second = np.where(side == 0, -1.0, 2 * side)
     moved = [np.zeros((1, len(h))), np.diag(first * h), np.diag(second * h)]
-    points = jnp.asarray(values + np.concatenate(moved))  # the base too: alone it is no program
-    figures = np.asarray(jax.jit(lambda x: jax.lax.map(function, x))(points)).T
+    figures = figures_of(values + np.concatenate(moved)).T  # the base too: alone it is no program
     zero, one, two = np.split(figures, (1, 1 + len(h)), axis=1)
     central = (one - two) / (2 * h)
     sided = side * (4 * one - two - 3 * zero) / (2 * h)
