@@ -357,7 +357,7 @@ def test_gradient_of_the_peak_at_a_kink_is_that_of_one_side():
     left = (1 - float(peak(t, rows(1 - 1e-6)))) / 1e-6
     assert math.isclose(right, 1, rel_tol=1e-6) and math.isclose(left, -1, rel_tol=1e-6)
     assert slope in {1.0, -1.0}
-    assert abs(float(jax.grad(lambda p: smooth_peak(rows(p)))(1.0))) < 1e-12
+    assert abs(float(jax.grad(lambda p: smooth_peak(t, rows(p)))(1.0))) < 1e-12
 
 
 def test_stored_searches_are_taken_up(tmp_path):

@@ -2,15 +2,17 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
 
-from omnijax import METRICS, evaluate, load_rig, simulate, speeds
+from omnijax import METRICS, InputError, evaluate, load_rig, simulate, speeds
 from omnijax._cubic import cubic_peak
 from omnijax._status import Status
 from omnijax.cli._simulate_summary import summarise
+from omnijax.simulation import RunChannels
 from omnijax.study import load_study
 from omnijax.study._evaluation.evaluation import margin_status
 from omnijax.vibration import STEADY_METRICS, follows, metric_problem, peak
@@ -119,3 +121,48 @@ def test_a_peak_between_samples_that_do_not_follow_the_vibration_is_bounded():
         largest = np.max(np.linalg.norm(values, axis=1))
         bounded = float(peak(jnp.asarray(coarse), jnp.asarray(values), jnp.asarray(rates)))
         assert largest <= bounded <= np.sqrt(2) * largest * (1 + 1e-12)
+
+
+MEANS = (*(name for name in METRICS if "rms" in name), "smooth_peak")
+
+
+def channels(t):
+    """A run that swings ever faster, at the times `t`."""
+    one = np.sin(3 * t**2)[:, None] * np.array([1.0, 0.3, -0.2]) + 0.2 * t[:, None]
+    return RunChannels(*map(jnp.asarray, (t, one, one, one, one, one, one, one)))
+
+
+def test_a_mean_over_a_run_is_one_over_its_time_however_its_samples_lie():
+    """It was one over the samples: 14 % off where the samples were denser at the start."""
+    rig, even, dense = load_rig("atlas"), np.linspace(0, 2, 4001), np.linspace(0, 1, 4001) ** 2 * 2
+    by_even = evaluate(channels(even), rig, MEANS)
+    by_dense = evaluate(channels(dense), rig, MEANS)
+    traced = jax.jit(lambda run: evaluate(run, rig, MEANS))(channels(dense))
+    for name in MEANS:
+        assert by_dense[name] == pytest.approx(float(by_even[name]), rel=2e-3), name
+        assert traced[name] == pytest.approx(float(by_dense[name]), rel=1e-12), name
+    square = np.sum(np.asarray(channels(even).dR) ** 2, axis=1)
+    assert float(by_even["rms"]) == pytest.approx(np.sqrt(np.mean(square)), rel=1e-15)
+    twice = np.repeat(dense, 2)  # a time that stands twice counts once
+    assert evaluate(channels(twice), rig, "rms")["rms"] == pytest.approx(
+        float(by_dense["rms"]), rel=1e-3
+    )
+
+
+def test_a_weighted_acceleration_asks_for_even_times():
+    rig, name = load_rig("atlas"), "sphere_weighted_acceleration"
+    even, dense = channels(np.linspace(0, 2, 401)), channels(np.linspace(0, 1, 401) ** 2 * 2)
+    assert np.isfinite(evaluate(even, rig, name)[name])
+    with pytest.raises(InputError, match="needs samples at even times, but the steps"):
+        evaluate(dense, rig, name)
+    assert np.isnan(jax.jit(lambda run: evaluate(run, rig, name)[name])(dense))
+    digits = even._replace(t=jnp.round(even.t, 4))
+    assert np.isfinite(evaluate(digits, rig, name)[name])
+
+
+def test_the_summary_of_a_run_has_means_over_its_time(run):
+    at = np.concatenate([np.linspace(0, 0.01, 11), np.linspace(0.02, 0.2, 10)])
+    given = dataclasses.replace(run, t=jnp.asarray(at), dR=jnp.asarray(at[:, None] * np.ones(3)))
+    row = next(row for row in given.summary().channels if row.channel == "dR_x")
+    assert row.rms == pytest.approx(0.2 / np.sqrt(3), rel=0.1)
+    assert row.rms > 1.2 * np.sqrt(np.mean(at**2))

@@ -80,6 +80,19 @@ def test_a_folded_line_is_marked_and_its_track_is_still_right():
     np.testing.assert_allclose(track.amplitude[track.aliased], 3e-6, rtol=0.05)
 
 
+def test_each_window_folds_at_its_own_rate():
+    """The rate of the whole run's median marked what the sparse part cannot tell as seen."""
+    run = recording(3e-6 * np.cos(14 * ANGLE))
+    kept = np.concatenate([np.arange(2000), np.arange(2000, 3000, 4)])
+    channels = {name: values[kept] for name, values in run.channels.items()}
+    sparse = Recording("run", None, TIME[kept], channels, 3)  # pyright: ignore
+    by_rate = rpm_order_map(sparse, "dR_y", "2", turns=2, max_order=40)
+    rate = np.where(by_rate.time < 3.5, RATE, RATE / 4)
+    clear = np.abs(by_rate.time - 4) > 0.5
+    limit = (np.pi * rate / (by_rate.speed / 60 * 2 * np.pi))[:, None]
+    np.testing.assert_array_equal(by_rate.aliased[clear], (by_rate.orders > limit)[clear])
+
+
 def test_missing_samples_and_reversals_do_no_harm():
     angle = 10 * np.sin(TIME) + 12 * TIME
     values = 3e-6 * np.cos(5 * angle)

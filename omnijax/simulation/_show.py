@@ -7,6 +7,7 @@ import numpy as np
 
 from .._html import html_table
 from .._text import scaled
+from .._time_mean import time_mean
 from ._run import AbstractRun
 
 
@@ -51,11 +52,13 @@ class RunSummary(NamedTuple):
 
 def summary(run: AbstractRun) -> RunSummary:
     """The range of every channel and column of `run`."""
-    ranges = []
+    ranges, t = [], np.asarray(run.t)
     for name, values in columns(run):
-        finite = values[np.isfinite(values)]
+        good = np.isfinite(values)
+        finite = values[good]
         if len(finite):
-            figures = (finite.min(), finite.max(), np.sqrt(np.mean(finite**2)))
+            square = time_mean(t[good], finite**2, np)
+            figures = (finite.min(), finite.max(), np.sqrt(square))
             ranges.append(ChannelRange(name, run.unit(name), *map(float, figures)))
     return RunSummary(run.message(), tuple(ranges))
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from .._arrays import largest, smallest
 from .._cubic import cubic_peak
 from .._root import root
+from .._time_mean import time_mean
 
 
 def norm(vectors: Float[Any, "t 3"]) -> Float[Array, " t"]:
@@ -17,9 +18,9 @@ def norm(vectors: Float[Any, "t 3"]) -> Float[Array, " t"]:
     return root(jnp.sum(vectors**2, axis=-1))
 
 
-def rms(values: Float[Array, "t c"]) -> Float[Array, ""]:
-    """Root of the mean square length of the rows."""
-    return root(jnp.mean(jnp.sum(values**2, axis=-1)))
+def rms(t: Float[Array, " t"], values: Float[Array, "t c"]) -> Float[Array, ""]:
+    """Root of the mean square length of the rows over the time `t`."""
+    return root(time_mean(t, jnp.sum(values**2, axis=-1)))
 
 
 def peak(
@@ -59,13 +60,15 @@ def follows(t, values, rates) -> bool:
     return bool(np.sum(missed**2) <= np.sum((0.5 * change) ** 2))
 
 
-def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[Array, ""]:
+def smooth_peak(
+    t: Float[Array, " t"], values: Float[Array, "t c"], sharpness: float = 64.0
+) -> Float[Array, ""]:
     """p-norm of the lengths with p = `sharpness`: above the mean, below or at the peak, smooth."""
     square = jnp.sum(values**2, axis=-1)
     top = jax.lax.stop_gradient(jnp.max(square))
     moves = top != 0  # also where it is not finite, and the norm is not either
     scale = jnp.where(moves, top, 1.0)
-    mean = jnp.mean((square / scale) ** (sharpness / 2))
+    mean = time_mean(t, (square / scale) ** (sharpness / 2))
     return jnp.where(moves, jnp.sqrt(scale) * mean ** (1 / sharpness), 0.0)
 
 

@@ -5,11 +5,15 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from .._errors import InputError
 from .._root import root
+from .._time_mean import off_even
 from ..simulation import FilterPoles, LinearFilter
 
+OFF = 0.05  # of a step, by which samples may lie off even times, as by the digits of a file
 # corner frequencies in Hz and quality factors of ISO 2631-1:1997, table A.1
 _BAND = (0.4, 100.0)
 _WEIGHTINGS = {
@@ -102,11 +106,18 @@ def weighted_acceleration(
 ) -> Float[Array, ""]:
     """Frequency-weighted RMS acceleration in m/s^2, all directions added (ISO 2631-1, 6.5).
 
-    W_k along `up`, W_d across it; the samples must be uniform in time.  Factors k_x = k_y = k_z = 1
-    (health and comfort of a seated person differ: multiply afterwards where needed).
+    W_k along `up`, W_d across it.  Factors k_x = k_y = k_z = 1 (health and comfort of a seated
+    person differ: multiply afterwards where needed).  The samples must be at even times: known ones
+    that are not raise `InputError`, traced ones give NaN.
     """
+    even = off_even(t) <= OFF
+    if not isinstance(even, Tracer) and not even:
+        raise InputError(
+            "`sphere_weighted_acceleration` needs samples at even times, but the steps of this run "
+            f"are from {float(jnp.min(jnp.diff(t))):.4g} to {float(jnp.max(jnp.diff(t))):.4g} s."
+        )
     vertical = (acceleration @ up)[:, None] * up
-    frequency = jnp.fft.rfftfreq(len(t), 1.0) / (t[1] - t[0])
+    frequency = jnp.fft.rfftfreq(len(t), 1.0) * (len(t) - 1) / (t[-1] - t[0])
     total = 0.0
     for part, direction in ((vertical, "vertical"), (acceleration - vertical, "horizontal")):
         spectrum = jnp.fft.rfft(part, axis=0) / len(t)
@@ -115,4 +126,4 @@ def weighted_acceleration(
         if len(t) % 2 == 0:
             double = double.at[-1].set(1.0)
         total = total + jnp.sum(double * power)
-    return root(total)
+    return jnp.where(even, root(total), jnp.nan)

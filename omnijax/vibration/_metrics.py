@@ -48,7 +48,7 @@ def _component(i: int, axis: str) -> dict[str, Metric]:
         f"rms_{axis}": Metric(
             "m",
             f"RMS of ΔR_{axis}",
-            lambda r, _: rms(dR(r)),
+            lambda r, _: rms(r.t, dR(r)),
             lambda s: root(s.mean_square("dR")[i]),
         ),
         f"peak_to_peak_{axis}": Metric(
@@ -60,7 +60,7 @@ def _component(i: int, axis: str) -> dict[str, Metric]:
         f"elastic_rms_{axis}": Metric(
             "m",
             f"RMS of the elastic part along {axis}",
-            lambda r, _: rms(elastic(r)),
+            lambda r, _: rms(r.t, elastic(r)),
             lambda s: root(s.mean_square("dR_elastic")[i]),
         ),
     }
@@ -76,7 +76,7 @@ METRICS: dict[str, Metric] = {
     "rms": Metric(
         "m",
         "RMS of |ΔR|",
-        lambda r, _: rms(r.dR),
+        lambda r, _: rms(r.t, r.dR),
         lambda s: root(jnp.sum(s.mean_square("dR"))),
     ),
     "peak_to_peak": Metric(
@@ -84,8 +84,8 @@ METRICS: dict[str, Metric] = {
     ),  # its least value over independent phases has no closed form
     "smooth_peak": Metric(
         "m",
-        "64-norm of |ΔR| over the samples (steady: over the phases, of exp(64 |ΔR|/S) for powers)",
-        lambda r, _: smooth_peak(r.dR),
+        "64-norm of |ΔR| over the time (steady: over the phases, of exp(64 |ΔR|/S) for powers)",
+        lambda r, _: smooth_peak(r.t, r.dR),
         lambda s: s.smooth_peak("dR", SHARPNESS),
     ),
     "elastic_peak": Metric(
@@ -97,7 +97,7 @@ METRICS: dict[str, Metric] = {
     "elastic_rms": Metric(
         "m",
         "RMS of the elastic part",
-        lambda r, _: rms(r.dR_elastic),
+        lambda r, _: rms(r.t, r.dR_elastic),
         lambda s: root(jnp.sum(s.mean_square("dR_elastic"))),
     ),
     **_component(0, "x"),
@@ -106,7 +106,7 @@ METRICS: dict[str, Metric] = {
     "sphere_acceleration_rms": Metric(
         "m/s^2",
         "RMS acceleration of the sphere's centre",
-        lambda r, _: rms(r.a_sphere),
+        lambda r, _: rms(r.t, r.a_sphere),
         lambda s: root(jnp.sum(s.mean_square("a_sphere"))),
     ),
     "sphere_acceleration_peak": Metric(
@@ -122,7 +122,7 @@ METRICS: dict[str, Metric] = {
         lambda s: s.weighted(),
     ),
     "platform_acceleration_rms": Metric(
-        "m/s^2", "RMS acceleration of the platform", lambda r, _: rms(r.a), None
+        "m/s^2", "RMS acceleration of the platform", lambda r, _: rms(r.t, r.a), None
     ),
     "platform_acceleration_peak": Metric(
         "m/s^2", "largest acceleration of the platform", lambda r, _: peak(r.t, r.a), None

@@ -54,9 +54,8 @@ def rpm_order_map(
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, turns = _windows(time, angle, turns, name)
-    step = float(np.median(np.diff(time)))
-    speeds = np.array([_speed(time[w], angle[w]) for w in windows])
-    top = np.pi / step / np.maximum(speeds, 1e-12)  # order at half the sampling rate
+    steps, speeds = _steps(time, windows), np.array([_speed(time[w], angle[w]) for w in windows])
+    top = np.pi / steps / np.maximum(speeds, 1e-12)  # order at half the sampling rate
     highest = min(64.0, float(top.max())) if max_order is None else max_order
     orders = np.arange(0.0, highest + 1e-9, 0.25 / turns)
     peaks = np.stack([_spectrum(values[w], angle[w], orders, WINDOWS[window]) for w in windows])
@@ -96,10 +95,9 @@ def order_track(
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, _ = _windows(time, angle, turns, name)
-    step = float(np.median(np.diff(time)))
-    speeds = np.array([_speed(time[w], angle[w]) for w in windows])
+    steps, speeds = _steps(time, windows), np.array([_speed(time[w], angle[w]) for w in windows])
     fitted = np.stack([_fit(time[w], values[w], angle[w], chosen) for w in windows])
-    aliased = chosen > np.pi / step / np.maximum(speeds, 1e-12)[:, None]
+    aliased = chosen > (np.pi / steps / np.maximum(speeds, 1e-12))[:, None]
     middle = np.array([time[w].mean() for w in windows])
     rpm = speeds * 60 / TURN
     size, phase = _as(amplitude, np.abs(fitted)), np.angle(fitted)
@@ -217,6 +215,11 @@ def _windows(time, angle, turns: float, name: str) -> tuple[list[slice], float]:
     if not windows:
         raise ValueError(f"{name} never turns {length:.2g} times in one direction.")
     return windows, length
+
+
+def _steps(time: np.ndarray, windows: Sequence[slice]) -> np.ndarray:
+    """Step of the samples in each window, s: the rate of a run may change."""
+    return np.array([np.median(np.diff(time[w])) for w in windows])
 
 
 def _speed(time: np.ndarray, angle: np.ndarray) -> float:
