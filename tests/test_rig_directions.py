@@ -68,3 +68,18 @@ def test_what_is_no_direction_is_refused():
         placed(zenith="45 deg")
     with pytest.raises(InputError, match=r"`wheel\.w1\.skew` must be a number in rad or text"):
         placed(zenith=1, azimuth=1, skew="3 m")
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "most"),
+    [("zenith", 45, 3.14), ("azimuth", 120.0, 6.28), ("skew", "-30", -6.28), ("zenith", -3.2, 0.1)],
+)
+def test_degrees_without_a_unit_are_not_taken_as_rad(key, given, most):
+    """`omnijax init --zenith 45` is in degrees; the same number in a rig file was 45 rad."""
+    angles = {"zenith": 1, "azimuth": 1}
+    with pytest.raises(InputError) as caught:
+        placed(**angles | {key: given})
+    told = f'`wheel.w1.{key}` = {given} without a unit is in rad; did you mean "{given} deg"?'
+    assert caught.value.problems == (told,)
+    placed(**angles | {key: most})
+    placed(**angles | {key: "400°"})

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from ._quantities import ROUND_OFF, UNIT_TOLERANCE, Quantity, Vector
 
 ANGLES = {name: Quantity("rad") for name in ("zenith", "azimuth", "skew")}
+LARGEST = {"zenith": math.pi}  # rad without a unit; of the others a turn: more is meant in degrees
 _VECTORS = {name: Vector("1", unit_length=True) for name in ("normal", "drive")}
 
 
@@ -67,12 +68,21 @@ def _from_angles(name: str, block: Mapping, problems: list[str]) -> dict[str, An
     angles = {}
     for key, quantity in ANGLES.items():
         try:
-            angles[key] = quantity.read(block.get(key, 0.0))
+            angles[key] = _angle(key, quantity, block.get(key, 0.0))
         except ValueError as error:
             wrong.append(f"`{name}.{key}` {error}")
     problems += wrong
     normal, drive = ([1, 0, 0], [0, 0, 1]) if wrong else unit_vectors(**angles)
     return rest | {"normal": normal, "drive": drive}
+
+
+def _angle(key: str, quantity: Quantity, given: Any) -> float:
+    """An angle in rad; `ValueError` where it has no unit and can only be meant in degrees."""
+    value = quantity.read(given)
+    plain = not isinstance(given, str) or given.strip()[-1] in ".0123456789"
+    if plain and abs(value) > LARGEST.get(key, 2 * math.pi):
+        raise ValueError(f'= {given} without a unit is in rad; did you mean "{given} deg"?')
+    return value
 
 
 def _exact(name: str, block: Mapping, notes: list[str]) -> dict[str, Any]:
