@@ -122,8 +122,9 @@ def servo(seed: int) -> dict[str, np.ndarray]:
 def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     table = servo(seed)
     gravity, gain = table.pop("gravity"), table.pop("gain")
-    names, values = list(table), np.stack(list(table.values()), 1)
-    for name in ("one.json", "two.json"):
+    names, one = list(table), np.stack(list(table.values()), 1)
+    other = np.stack([servo(seed + 10)[name] for name in names], 1)
+    for name, values in (("one.json", one), ("two.json", other), ("copy.json", one)):
         rows = [dict(zip(names, map(float, r), strict=True)) for r in values]
         (tmp_path / name).write_text(json.dumps({"mass": 0.5, "entries": rows}))
     found = guess(tmp_path / "one.json")
@@ -142,6 +143,12 @@ def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     assert [log.role for log in case.logs] == ["train", "held-out"]
     assert set(case.logs[0].inputs["gain"]) == {100.0}
     assert "goal_position" in capsys.readouterr().out
+    again = (tmp_path / "case" / "one.toml").read_text().replace('"train"', '"held-out"')
+    (tmp_path / "case" / "copy.toml").write_text(again.replace("one.json", "copy.json"))
+    with_copy = read_machine_case(tmp_path / "case")  # a copy was taken as a run that confirms
+    assert [log.name for log in with_copy.logs] == [log.name for log in case.logs]
+    told = "copy holds the same samples as one: it confirms nothing, and is not used as held-out."
+    assert told in with_copy.faults
 
 
 def test_a_constant_channel_is_in_its_unit(tmp_path):
