@@ -20,6 +20,7 @@ from ._names import once
 from ._recording import Fault, spans
 
 _LINE_END = re.compile(r"\r\n?|\n")
+_CONTROLS = bytes({*range(32), 127} - set(b"\t\n\v\f\r\x1a\x1b"))  # what no text holds
 _WIDE = (b"\xff\xfe", b"\xfe\xff")  # first bytes of UTF-16
 
 
@@ -80,7 +81,16 @@ def _text(path: Path) -> tuple[str, list[Fault]]:
         use = "the rows before are used"
         faults.append(Fault(path.name, "", (), "truncated", what, use))
         raw = raw[: raw.rfind(b"\n") + 1]
+    if _is_binary(raw):
+        raise InputError("is no text table: its bytes are those of another kind of file.", path)
     return _decoded(raw), faults
+
+
+def _is_binary(raw: bytes) -> bool:
+    """Whether more of the first bytes are controls than damage makes of a text."""
+    head = raw[:4096]
+    controls = len(head) - len(head.translate(None, _CONTROLS))
+    return not raw.startswith(_WIDE) and controls > max(8, 0.02 * len(head))
 
 
 def _decoded(raw: bytes) -> str:
