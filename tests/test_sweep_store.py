@@ -103,6 +103,10 @@ def test_interruption_keeps_what_is_done_and_says_how_to_go_on(
     monkeypatch.setattr(Store, "write", stop)
     assert run([*COMMAND, "--out", str(out)]) == 130
     assert "6 of 20 designs are done and kept" in capsys.readouterr().err
+    assert run(["export", str(out), str(tmp_path / "part.csv")]) == 0  # it said 20 designs
+    captured = capsys.readouterr()
+    assert captured.out.endswith("part.csv: 6 of 20 designs are done\n")
+    assert "6 of 20 designs are done; the figures of the others are nan in part.csv" in captured.err
     monkeypatch.undo()
     assert run([*COMMAND, "--out", str(out), "--resume"]) == 0
     assert same(load_sweep(out), whole)

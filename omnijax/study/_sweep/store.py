@@ -101,8 +101,7 @@ class Store:
 
     def kept(self) -> str:
         """What an interruption leaves, and how to go on."""
-        designs = self.count(np.flatnonzero(self.done()).tolist())
-        text = f"Interrupted: {designs} of {self.size} designs are done"
+        text = f"Interrupted: {self.count_done()} of {self.size} designs are done"
         if self.folder is None:
             return f"{text}, but were kept in memory only; give --out to keep them."
         return f"{text} and kept in {self.folder}. Continue with the same command and --resume."
@@ -136,6 +135,10 @@ class Store:
     def count(self, chunks: Iterable[int]) -> int:
         """Number of designs in `chunks`."""
         return sum(stop - start for start, stop in map(self.bounds, chunks))
+
+    def count_done(self) -> int:
+        """Number of designs that are done."""
+        return self.count(np.flatnonzero(self.done()).tolist())
 
     def done(self) -> np.ndarray:
         """Which chunks are complete, (chunks,)."""
