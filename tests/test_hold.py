@@ -13,7 +13,8 @@ from machines import SKEW, machine
 from omnijax._errors import DataWarning, InputError
 from omnijax._status import Status
 from omnijax.dynamics import held, held_directions, hold_obstacle
-from omnijax.simulation import propagate, speeds, steady_state
+from omnijax.simulation import propagate, simulate, speeds, steady_state
+from omnijax.study import sweep
 from omnijax.study._evaluation import Evaluation
 from omnijax.vibration import steady_metrics
 from omnijax.view._panel import Panel
@@ -149,8 +150,16 @@ def test_a_rig_that_no_wheel_drives_about_an_axis_ends_without_figures():
         Panel("a", rig, W.tolist(), 0).evaluate({})
 
 
-def test_speeds_beyond_all_measure_are_not_ok():
-    run = propagate(machine(SKEW), speeds([1e300, 1, 1]), jnp.linspace(0, 0.1, 6))
-    assert int(run.status) == Status.NON_FINITE
-    state = steady_state(machine(SKEW), [1e300, 1, 1], **SIZES)
-    assert state.ok == bool(np.isfinite(state.sphere_acceleration_rms))
+@pytest.mark.parametrize("given", [[1e300, 1, 1], [0, -2e6, 1], "1, 1, 1e8 rpm"])
+def test_speeds_beyond_all_measure_are_refused(given):
+    """At 1e30 rad/s a run was ok."""
+    rig = machine(SKEW)
+    told = r"must lie in \[-1e\+06, 1e\+06\] rad/s, but is -?(1e\+300|2e\+06|1\.)"
+    for ask in (
+        lambda: propagate(rig, speeds(given), jnp.linspace(0, 0.1, 6)),
+        lambda: simulate(rig, given, 0.1),
+        lambda: steady_state(rig, given, **SIZES),
+        lambda: sweep(rig, {"contact.stiffness": [1e5]}, drive=given),
+    ):
+        with pytest.raises(InputError, match=told):
+            ask()

@@ -11,6 +11,7 @@ import pytest
 import omnijax
 from omnijax import InputError, get_parameter, set_parameter
 from omnijax.rig import parameter_paths
+from omnijax.simulation import ramp, table
 
 RPM = 2 * np.pi / 60
 RIG = omnijax.load_rig("atlas")
@@ -55,6 +56,9 @@ def test_traced_speeds_stay_traced():
         ((RIG, [1, np.inf, 0], 1.0), "`speed` must be finite, but is inf"),
         ((RIG, 1.0, 1.0), "the drive has 1 wheel, but the rig has 3"),
         ((RIG, omnijax.torques([1, 0, 0], [0, np.nan, 0]), 1.0), "`force` must be finite"),
+        ((RIG, np.array([1, 2j, 0]), 1.0), r"`speed` must be real numbers \(rad/s\), but holds"),
+        ((RIG, np.array([True, False, True]), 1.0), "`speed` must be real.* an array of bool"),
+        ((RIG, [1, True, 0], 1.0), "`speed` must be real numbers.* but holds True"),
         ((RIG, [1, 0, 0], -1.0), r"`duration` must lie in \(0, inf\) s, but is -1"),
         ((RIG, [1, 0, 0], "2 m"), "`duration` must be a number in s"),
     ],
@@ -62,6 +66,23 @@ def test_traced_speeds_stay_traced():
 def test_what_cannot_be_simulated_is_said(arguments, match):
     with pytest.raises(InputError, match=match):
         omnijax.simulate(*arguments)
+
+
+@pytest.mark.parametrize("given", [np.array([1, 2 + 1j, 0]), [1, 2j, 0], jnp.array([True] * 3)])
+def test_speeds_that_are_no_real_numbers_are_refused_everywhere(given):
+    """The imaginary part was dropped, and true counted as 1 rad/s."""
+    times, rows = np.linspace(0, 0.1, 6), np.array([given, given])
+    for ask in (
+        lambda: omnijax.propagate(RIG, given, times),
+        lambda: omnijax.steady_state(RIG, given),
+        lambda: omnijax.sweep(RIG, {"contact.stiffness": [1e5]}, drive=given),
+        lambda: jax.jit(lambda w: omnijax.speeds(w).speed.values)(jnp.asarray(given)),
+        lambda: omnijax.torques(given),
+        lambda: ramp(0, 1, [0, 0, 0], given),
+        lambda: table([0, 1], rows),
+    ):
+        with pytest.raises(InputError, match="must be real numbers"):
+            ask()
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from ._schema import MOST_ROLLERS as MOST_ROLLERS
     from ._schema import MOST_WHEELS as MOST_WHEELS
     from ._schema import channels as channels
+    from ._typed import check_real as check_real
     from ._typed import typed_above_zero as typed_above_zero
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers

@@ -4,6 +4,8 @@ import re
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+
 from .._errors import InputError, not_above_zero
 from ._quantities import as_number
 
@@ -36,8 +38,9 @@ def typed_numbers(name: str, given: Any, unit: str) -> Any:
     """Numbers in SI from text with commas between, or from a list in which texts may stand.
 
     What holds no text (arrays, traced values, plain lists) comes back as it is.  `InputError`
-    names every entry that is no number.
+    names every entry that is no number, as truth values and complex ones are none.
     """
+    check_real(name, given, unit)
     if isinstance(given, str):
         if "," not in given and _SEVERAL.match(given):
             raise InputError(f"`{name}` is {given!r}: write commas between the values, not spaces.")
@@ -53,3 +56,15 @@ def typed_numbers(name: str, given: Any, unit: str) -> Any:
     if problems:
         raise InputError(problems)
     return values
+
+
+def check_real(name: str, given: Any, unit: str) -> None:
+    """`InputError` where `given`, or an entry of a list, is complex, or true or false."""
+    for entry in given if isinstance(given, list | tuple) else [given]:
+        if isinstance(entry, list | tuple):
+            check_real(name, entry, unit)
+            continue
+        kind = entry.dtype.kind if hasattr(entry, "dtype") else np.array(entry).dtype.kind
+        if kind in "bc":
+            what = str(entry) if np.ndim(entry) == 0 else f"an array of {entry.dtype}"
+            raise InputError(f"`{name}` must be real numbers ({unit}), but holds {what}.")

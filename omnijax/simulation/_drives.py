@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from ..rig import Rig, typed_above_zero, typed_numbers
+from ..rig import Rig, check_real, typed_above_zero, typed_numbers
 from ._signals import Signal, Vector, constant
 
 
@@ -93,8 +93,8 @@ def torques(
     return TorqueDrive(
         torque=_signal("torque", torque, "N m"),
         force=_force(force),
-        initial_angle=_array(initial_angle),
-        initial_velocity=_array(initial_velocity),
+        initial_angle=_array("initial_angle", initial_angle, "rad"),
+        initial_velocity=_array("initial_velocity", initial_velocity, "rad/s"),
     )
 
 
@@ -112,12 +112,15 @@ def speeds(
     return SpeedDrive(
         speed=_signal("speed", speed, "rad/s"),
         force=_force(force),
-        initial_angle=_array(initial_angle),
+        initial_angle=_array("initial_angle", initial_angle, "rad"),
     )
 
 
-def _array(value):
-    return None if value is None else jnp.asarray(value, float)
+def _array(name: str, value: Vector | None, unit: str) -> Array | None:
+    if value is None:
+        return None
+    check_real(name, value, unit)
+    return jnp.asarray(value, float)
 
 
 def drive_for(rig: Rig, given: Any) -> AbstractDrive:
@@ -139,6 +142,7 @@ def drive_for(rig: Rig, given: Any) -> AbstractDrive:
     return drive
 
 
+FASTEST = 1e6  # rad/s of a wheel: ten million rpm; more is a misread unit
 LONGEST = 5_000_000  # samples; more is a misread unit
 RATE = 500.0  # samples a second where none is given
 
@@ -211,6 +215,16 @@ def _check_finite(name: str, values: Any) -> None:
         raise InputError(f"`{name}` must be finite, but is {known[~np.isfinite(known)][0]}.")
 
 
+def check_speed(name: str, values: Any) -> None:
+    """`InputError` for known speeds that no wheel has."""
+    known = np.zeros(1) if isinstance(values, Tracer) else np.asarray(values).ravel()
+    most = known[np.argmax(np.abs(known))]
+    if abs(most) > FASTEST:
+        raise InputError(
+            f"`{name}` must lie in [-{FASTEST:g}, {FASTEST:g}] rad/s, but is {most:g}."
+        )
+
+
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:
     """`InputError` where the drive does not fit the rig, or a known number of it is not finite."""
     name = "torque" if isinstance(drive, TorqueDrive) else "speed"
@@ -220,6 +234,8 @@ def check_drive(rig: Rig, drive: AbstractDrive) -> None:
         raise InputError(f"the drive has {count}, but the rig has {rig.size}.")
     _force(drive.force)
     _check_finite(name, signal.values)
+    if name == "speed":
+        check_speed(name, signal.values)
     _check_finite("force", drive.force.values)
     if drive.initial_angle is not None:
         check_vector("initial_angle", drive.initial_angle, rig.size)

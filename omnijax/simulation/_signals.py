@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._arrays import on_device
+from ..rig import check_real
 
 Vector = (
     Sequence[float | Array] | np.ndarray | Array
@@ -103,8 +104,10 @@ def constant(value: Vector) -> Signal:
 def table(time: ArrayLike, values: ArrayLike) -> Signal:
     """Linear between samples `values` (k, d) at `time` (k,), s; held before and after.
 
-    A time given twice is a jump.  Raises `ValueError` where time decreases or shapes differ.
+    A time given twice is a jump.  Raises `ValueError` where time decreases, shapes differ or values
+    are not real.
     """
+    check_real("values", values, "SI")
     t, v = np.asarray(time, float), np.asarray(values, float)
     if v.ndim == 1:
         v = v[:, None]
@@ -153,4 +156,6 @@ def is_constant(signal: Signal) -> bool:
 
 
 def _vectors(*values: ArrayLike) -> list[np.ndarray]:
+    for value in values:
+        check_real("values", value, "SI")
     return [np.atleast_1d(np.asarray(value, float)) for value in values]

@@ -16,7 +16,7 @@ from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig, as_rig, typed_numbers
-from .._drives import check_vector
+from .._drives import check_speed, check_vector
 from .._drives import speeds as speed_drive
 from .._exact import exact_obstacle, levels_needed, longest_passage
 from .._remarks import remarks
@@ -154,6 +154,7 @@ def steady_state(
     angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
     force = None if force is None else jnp.asarray(force, float)
     check_vector("speeds", speeds, rig.size)
+    check_speed("speeds", speeds)
     check_vector("angles", angles, rig.size)
     if force is not None:
         check_vector("force", force, 3)
