@@ -39,7 +39,7 @@ def regular(path: str | Path) -> Path:
 def existing(path: str | Path, kind: str = "file") -> Path:
     """`path`, a file or folder that is there; `InputError` else, before anything slow is imported.
 
-    `kind` says what it should be, in words: "file", "folder of a sweep".
+    `kind` says what it should be, in words: "file", "folder: a case is one, with a rig file".
     """
     path = Path(path)
     try:
@@ -53,7 +53,8 @@ def existing(path: str | Path, kind: str = "file") -> Path:
     if not there and path.is_file():
         raise InputError(f"is a file, and not a {kind}.", path)
     if not there:
-        raise InputError(f"there is no such {kind}.{did_you_mean(path.name, beside)}", path)
+        meant = did_you_mean(path.name, beside)
+        raise InputError(f"there is no such {kind.partition(':')[0]}.{meant}", path)
     return regular(path) if kind == "file" else path
 
 
