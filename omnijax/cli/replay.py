@@ -46,6 +46,11 @@ def replay(
         return replay_axis(run, drive, out or run.with_suffix(".html"), title, force, json)
     if drive is not None:
         raise InputError("--drive speaks of a machine file; a saved run has moved already.")
+    if run.suffix.lower() not in (".nc", ".csv", ".gz", ".parquet"):  # of a recording it is told
+        raise InputError(
+            "`replay` takes a run saved by `omnijax simulate --out RUN.nc`, or the machine file of "
+            f"an axis; {run.name} is neither."
+        )
     from ..simulation import load_run
     from ..view import rig_of_run, write_replay
 
