@@ -340,6 +340,37 @@ def test_the_motion_is_told_by_either_unit_and_a_unit_that_cannot_be_is_said(
     assert ("is no unit" in said) == bool(left)
 
 
+@pytest.mark.parametrize(
+    ("shown", "unit", "refused"),
+    [
+        ("angle [deg]", "furlong", True),
+        ("place [mm]", "deg", True),
+        ("angle [deg]", "rad", False),
+        ("angle", "furlong", False),
+        ("angle [counts]", "360/4096 deg", False),
+    ],
+)
+def test_a_unit_of_another_motion_than_the_log_says_is_refused(tmp_path, shown, unit, refused):
+    """`--unit position=furlong` made a slide of a rotation in degrees, without a word."""
+    t = STEP * np.arange(400.0)
+    log = written(tmp_path / "log.csv", {"t": t, "u": np.sin(20 * t), shown: np.cos(20 * t)})
+    if not refused:
+        assert guess(log, units={"position": unit}).units["position"] == unit
+        return
+    told = rf"--unit position='{unit}' is the unit of a \w+, but the log says that .* is in '"
+    with pytest.raises(InputError, match=told):
+        guess(log, units={"position": unit})
+
+
+def test_a_folder_with_files_is_refused_before_the_logs_are_looked_at(tmp_path, capsys):
+    """It was said behind the whole analysis, and behind the question."""
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "notes.txt").write_text("mine")
+    log = written(tmp_path / "log.csv", {"t": np.arange(9.0), "u": np.zeros(9)})  # useless
+    assert cli.run(["case", "new", log, "--out", str(tmp_path / "case")]) == 2
+    assert "case: is a folder with files in it" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
 def test_a_clock_of_a_smaller_unit_is_known_by_its_steps(tmp_path, unit):
     t, rng = np.arange(200) * 0.004, drawn_anew("clock")

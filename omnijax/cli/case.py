@@ -72,6 +72,8 @@ def case(
         raise InputError("give --position or --velocity: an axis is compared by one of both.")
     columns = {"time": time, "given": input, "position": position, "velocity": velocity}
     units = _units(unit or [])
+    folder = out or Path(stem_of(logs[0]))
+    claim(folders=[folder], force=force)
     guesses = of_one_machine([guess(log, rate, **columns, units=units) for log in (*logs, *held)])
     if len({one.measured for one in guesses}) > 1:
         raise InputError("some logs give a position, others a velocity alone: name one of both "
@@ -80,7 +82,6 @@ def case(
     if len(set(names)) < len(names):
         twice = next(x for x in names if names.count(x) > 1)
         raise InputError(f"two logs are named {twice}: rename one, a case has one NAME.toml each.")
-    folder = out or Path(names[0])
     for one in guesses:
         print(f"{one.log.name}")
         for key, value in one.rows():
@@ -95,7 +96,6 @@ def case(
         if answer.strip().lower() not in ("y", "yes"):
             print("Nothing was written.")
             return 0
-    claim(folders=[folder], force=force)
     for name, text in files.items():
         write_text(folder / name, text)
     print(f"Wrote {folder}: {', '.join(files)}. Now: omnijax diagnose {folder}")

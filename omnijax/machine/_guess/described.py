@@ -19,6 +19,7 @@ from .channel_units import (
     fitting,
     in_si,
     input_unit,
+    is_unit,
     motion_of,
     output_unit,
     step_of,
@@ -157,10 +158,12 @@ def _reading(
 ) -> _Reading:
     """Units as the log, the columns' names or the user say them, and what follows from them."""
     channels = (("t", columns.time), ("input", columns.input), (columns.measured, columns.output))
-    units = {
+    written = {
         ours: u for ours, theirs in channels
         if theirs and (u := table.units.get(theirs) or unit_in(theirs))
-    } | dict(stated)  # fmt: skip
+    }  # fmt: skip
+    _check_motion(log, columns, written, stated)
+    units = written | dict(stated)
     drives = driven_by(columns.input, units.get("input"))
     motion = motion_of(units, columns.measured, drives)
     if drives == "goal" and (columns.measured == "velocity" or best_of([columns.input], SPEED)):
@@ -209,6 +212,24 @@ def _channels(
     q, *rest = (x[kept] for x in (q, u, *others.values()))
     q, u, *rest = evenly(t[kept], how.step, q, *rest)
     return q, u, dict(zip(others, rest, strict=True))
+
+
+def _check_motion(
+    log: Path, columns: LogColumns, written: Mapping[str, str], stated: Mapping[str, str]
+) -> None:
+    """`InputError` where the log writes an angle and the user says a length, or the other way."""
+    channel = columns.measured
+    motions = ("rotation", "translation")
+    of_log, of_user = (
+        [m for m in motions if is_unit(units.get(channel), output_unit(m, channel))]
+        for units in (written, stated)
+    )
+    if of_log and of_user and of_log != of_user:
+        raise InputError(
+            f"{log.name}: --unit {channel}={stated[channel]!r} is the unit of a {of_user[0]}, but "
+            f"the log says that {columns.output!r} is in {written[channel]!r}, the unit of a "
+            f"{of_log[0]}. Leave out --unit {channel}, or correct the log's unit."
+        )
 
 
 def _check_columns(log: Path, table, columns: LogColumns) -> None:
