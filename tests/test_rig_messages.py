@@ -230,3 +230,21 @@ def test_files_that_cannot_be_read(tmp_path):
     bad.write_bytes(b"[sphere]\nname = '\xff'\n")
     with pytest.raises(InputError, match=r"is not UTF-8 text: .* at byte 17"):
         load_rig(bad)
+
+
+def test_what_is_wrong_with_every_wheel_is_said_once():
+    """Three wheels with one table of contact gave every sentence three times."""
+    data = tables()
+    contact = dict(data["wheel"][0]["contact"])
+    contact["stifness"] = contact.pop("stiffness")
+    for wheel in data["wheel"]:
+        wheel["contact"] = contact
+    data["wheel"][1]["rollers"] = 0
+    with pytest.raises(InputError) as caught:
+        parse_rig(data)
+    assert set(caught.value.problems) == {
+        "`wheel.w1.contact.stiffness` is missing. Give a value in N/m. The same holds of w2, w3.",
+        "`wheel.w1.contact.stifness` is not a key of a rig file. Did you mean `stiffness`? "
+        "The same holds of w2, w3.",
+        "`wheel.w2.rollers` must lie in [1, 1000], but is 0.",
+    }

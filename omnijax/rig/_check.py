@@ -53,7 +53,21 @@ def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     sentences += _sphere_problems(data.get("sphere"))
     sentences += effect_problems(_blocks(data, "effect"), wheels, folder)
     sentences += _uncertainty_problems(data, names)
-    return list(dict.fromkeys(sentences))
+    return _once_for_all(sentences, [_label(wheels, i) for i in range(len(wheels))])
+
+
+def _once_for_all(sentences: list[str], labels: list[str]) -> list[str]:
+    """The sentences, each once; one that holds of several wheels names the others behind it."""
+    wheels: dict[tuple[str, str], list[str]] = {}
+    for text in dict.fromkeys(sentences):
+        own = [x for x in labels if text.startswith((f"`wheel.{x}.", f"`wheel.{x}`"))][:1]
+        said = text.removeprefix(f"`wheel.{own[0]}") if own else text
+        wheels.setdefault(("wheel" if own else "", said), []).extend(own)
+    return [
+        f"{f'`wheel.{own[0]}' if own else ''}{said}"
+        + (f" The same holds of {', '.join(own[1:])}." if own[1:] else "")
+        for (_, said), own in wheels.items()
+    ]
 
 
 def _blocks(data: Mapping, key: str) -> list:
