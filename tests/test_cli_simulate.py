@@ -1,6 +1,7 @@
 """`omnijax simulate` as a user runs it: files, exit codes and messages."""
 
 import json
+import sys
 from shutil import copytree
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording, simulation
 from omnijax._files import pieces_folder
+from omnijax.cli._simulate_summary import not_believed
 from omnijax.dynamics import mobility
 from omnijax.simulation._solve import solve as _solve
 
@@ -95,6 +97,49 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     assert cli.run([*two, "--resume"]) == 0
     assert capsys.readouterr().out == summary
     assert not pieces_folder(parts).exists()
+
+
+def test_an_interruption_behind_the_run_says_which_file_is_missing(capsys, tmp_path, monkeypatch):
+    """It said `Interrupted after 8 s` of a run of 8 s."""
+    out, plot = tmp_path / "run.nc", tmp_path / "run.svg"
+    arguments = ["atlas", "--torque", "0.1,0.2,0.3", "--duration", "60ms", "--rate", "20kHz"]
+    command = ["simulate", *arguments, "--out", str(out), "--plot", str(plot)]
+    monkeypatch.setattr("sys.argv", ["omnijax", *command])
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(simulation, "save_trajectory", interrupted)
+        assert cli.run(command) == 130
+    said = capsys.readouterr().err
+    assert f"Interrupted: the run is whole in {out}.pieces. Missing: {out}, {plot}. This" in said
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.modules["omnijax.cli.simulate"], "_plot", interrupted)
+        assert cli.run([*command, "--resume"]) == 130
+    said = capsys.readouterr().err
+    assert f"Interrupted: {out} is written. Missing: {plot}. This writes it: " in said
+    assert said.rstrip().endswith(f"--plot {plot} --resume")
+    assert cli.run([*command, "--resume"]) == 0 and plot.exists()
+
+
+def test_a_run_that_loses_contact_says_from_when_on_it_is_not_to_be_believed():
+    """The figures of the whole run stood there without a word."""
+    lifts, slips = ({"kind": k, "wheel": "w2"} for k in ("lifts off", "slips"))
+    law = [{"id": "lift-off", "place": "w2"}]
+
+    def told(*contacts, effects=()):
+        return not_believed({"contacts": list(contacts), "effects": list(effects)})
+
+    alone = told(lifts | {"time": 0.25}, slips | {"time": 0.5})
+    assert alone.startswith("From t = 0.25 s on this run is not to be believed")
+    assert alone.endswith("Add the effect `lift-off` at w2.")
+    assert told(lifts | {"time": 0.25}, slips | {"time": 0.25}, effects=law) == ""
+    early = told(slips | {"time": 0.1}, lifts | {"time": 0.25}, effects=law)
+    assert early.startswith("From t = 0.1 s on") and "lift-off" not in early
+    other = [{"id": "lift-off", "place": "w1"}]
+    assert told(lifts | {"time": 0.25}, effects=other) == told(lifts | {"time": 0.25})
+    assert told() == ""
 
 
 def interrupted_after(count, pieces):

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from ._table import paragraph
+
 FIGURES = (  # metric of the summary -> label and unit of its line
     ("peak", "|ΔR| peak", "m"),
     ("rms", "|ΔR| RMS", "m"),
@@ -57,9 +59,33 @@ def _figures(run: Any, rig: Any, names: list[str]) -> dict[str, Any]:
     return eqx.filter_jit(evaluate)(run, rig, tuple(names))
 
 
+def not_believed(summary: dict[str, Any]) -> str:
+    """From when on the run is not that of the machine, since no law of the rig describes it."""
+    modelled = {effect["place"] for effect in summary["effects"] if effect["id"] == "lift-off"}
+    apart = {
+        loss["wheel"]: loss["time"] for loss in summary["contacts"]
+        if loss["kind"] == "lifts off" and modelled & {loss["wheel"], "all"}
+    }  # fmt: skip
+    beyond = [  # an open contact slips too
+        loss for loss in summary["contacts"]
+        if not (loss["kind"] == "lifts off" and loss["wheel"] in apart)
+        and loss["time"] < apart.get(loss["wheel"], float("inf"))
+    ]  # fmt: skip
+    if not beyond:
+        return ""
+    open_wheels = [loss["wheel"] for loss in beyond if loss["kind"] == "lifts off"]
+    hint = f" Add the effect `lift-off` at {', '.join(open_wheels)}." if open_wheels else ""
+    return (
+        f"From t = {beyond[0]['time']:.4g} s on this run is not to be believed, nor are the "
+        f"figures of the whole run below: the rig has no law for a contact that is lost.{hint}"
+    )
+
+
 def show(summary: dict[str, Any]) -> None:
     """The summary for people."""
     print(summary["message"])
+    if told := not_believed(summary):
+        print(paragraph(told))
     from .._text import quantity_text
 
     for name, words, unit in FIGURES if summary["samples"] else ():

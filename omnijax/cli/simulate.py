@@ -1,6 +1,7 @@
 """`omnijax simulate`: one run of a rig."""
 
 import sys
+from dataclasses import dataclass, field
 from json import dumps as json_text
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -72,9 +73,10 @@ def simulate(
     wanted = asked(machine, motion, drive)
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
-    begun = _begin(machine, wanted, numerics, out, resume, overwrite)
+    begun = _begin(machine, wanted, numerics, FilesOfRun(out, plot), resume, overwrite)
     with resumable(begun.kept):
         run = begun.run()
+        begun.files.whole = run.ok
         summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
         summary["warnings"] = _remarks(machine, wanted, numerics.model)
         for warning in summary["warnings"]:
@@ -103,11 +105,37 @@ def _keep_programs() -> None:
     os.environ.setdefault("EQX_ON_ERROR", "nan")
 
 
+@dataclass
+class FilesOfRun:
+    """Whether the run has reached its end, and which of its files are written."""
+
+    out: Path | None
+    plot: Path | None
+    whole: bool = False
+    written: list[Path] = field(default_factory=list)
+
+    def kept(self, pieces: Any, command: str) -> str:
+        """What an interruption behind the run leaves, what is missing, and how to go on."""
+        files = [file for file in (self.out, self.plot) if file is not None]
+        missing = [str(file) for file in files if file not in self.written]
+        stored = "" if pieces is None or not pieces.count else f"the run is whole in {pieces.path}"
+        if not missing or not (self.written or stored):
+            return NOTHING
+        there = [f"{file} is written" for file in self.written]
+        there += [stored] if stored else []
+        goes_on = "--resume" if self.out is not None and (stored or _is_netcdf(self.out)) else ""
+        return (
+            f"Interrupted: {' and '.join(there)}. Missing: {', '.join(missing)}. This writes it: "
+            f"{command} {goes_on or '--overwrite'}"
+        )
+
+
 class Begun(NamedTuple):
     """A run that is asked for, with its pieces on the disk, or whole in its file."""
 
     plan: Any
     asked: str  # JSON
+    files: FilesOfRun
     pieces: Any = None
     whole: Any = None
 
@@ -119,6 +147,8 @@ class Begun(NamedTuple):
 
     def kept(self) -> str:
         """What an interruption leaves, and how to go on."""
+        if self.files.whole:
+            return self.files.kept(self.pieces, _command())
         return NOTHING if self.pieces is None else self.pieces.kept(_command())
 
 
@@ -126,21 +156,23 @@ def _begin(
     rig: Any,
     asked: AskedDrive,
     numerics: NumericsOptions,
-    out: Path | None,
+    files: FilesOfRun,
     resume: bool,
     force: bool,
 ) -> Begun:
     from ._simulate_run import StoredPieces, asked_of, planned, whole_run
 
+    out = files.out
     plan = planned(rig, asked.drive, asked.times, numerics)
     identity = asked_of(rig, asked.drive, asked.times, plan.how)
     text = json_text(identity)
     if resume and (run := whole_run(out, identity, force)) is not None:
-        return Begun(plan, text, whole=run)
+        files.written += [out] if out is not None else []
+        return Begun(plan, text, files, whole=run)
     _warn_of_memory(rig, len(asked.times), plan.points)
     keep = out is not None and (plan.is_long() or resume)
     pieces = StoredPieces(out, identity, resume, force) if keep and out is not None else None
-    return Begun(plan, text, pieces)
+    return Begun(plan, text, files, pieces)
 
 
 def _warn_of_memory(rig: Any, samples: int, points: int) -> None:
@@ -176,6 +208,7 @@ def _written(
     elif out is not None:
         beside = _rig_file(name, rig, out)
         files["out"] = str(save_trajectory(run, out, rig, beside, _command(), begun.asked))
+        begun.files.written.append(out)
         if begun.pieces is not None:
             begun.pieces.remove()
     if plot is not None:
