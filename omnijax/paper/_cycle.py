@@ -264,11 +264,11 @@ def metrics(c: PaperCycle) -> Metrics:
     """The figures that the claims speak of."""
     return Metrics(
         peak=jnp.max(norm(c.dR)),
-        rms=rms(c.dR),
+        rms=rms(c.t, c.dR),
         elastic_peak=jnp.max(norm(c.elastic)),
-        elastic_rms=rms(c.elastic),
+        elastic_rms=rms(c.t, c.elastic),
         ripple=_ripple(c),
-        sphere_acceleration_rms=rms(c.acceleration),
+        sphere_acceleration_rms=rms(c.t, c.acceleration),
         strongest=_strongest(c.rate[FASTEST], c.lines[FASTEST]),
         strongest_rigid=_strongest(c.rate[FASTEST], c.shape_lines[FASTEST]),
         lowest=_lowest(c.rate[FASTEST], c.lines[FASTEST]),
