@@ -79,6 +79,16 @@ def test_wrong_input_is_exit_2_with_one_message(capsys, tokens, sentence):
     assert sentence in err and "Traceback" not in err
 
 
+def test_what_is_no_run_is_told_what_replay_takes(capsys, tmp_path):
+    """It was told the endings of a run's files, with .csv, which `replay` does not take."""
+    (tmp_path / "rig.toml").write_text(rig_text(load_rig("atlas")))
+    code, _, error = call(capsys, "replay", str(tmp_path / "rig.toml"))
+    assert code == 2
+    assert "`replay` takes a run saved by `omnijax simulate --out RUN.nc`, or the" in error
+    (tmp_path / "run.csv").write_text("t,torque_1\n0,0\n1,0\n")
+    assert "run.csv is a recording, not a run" in call(capsys, "replay", f"{tmp_path}/run.csv")[2]
+
+
 def test_a_value_may_begin_with_a_minus():
     given = ["simulate", "a", "--speed", "-1,2", "--force", "-.5,0,0", "--drive", "-x", "--json"]
     assert understood(given)[2:5] == ["--speed=-1,2", "--force=-.5,0,0", "--drive"]
