@@ -28,7 +28,7 @@ WHEEL = (2e5, 100.0, 150.0, 0.07)  # what signals hold beside: N/m, N s/m, and a
 SINGULAR = 1e-12  # least singular value, of the largest, of rates that settle a memory
 
 
-class Trial(NamedTuple):
+class LawTrial(NamedTuple):
     """What signals tell of a law."""
 
     linear: bool
@@ -78,7 +78,7 @@ def _of_file(law: AbstractLaw) -> str:
 def _tried(
     kind: type[AbstractLaw], tree: Any, shapes: tuple[tuple[int, ...], ...],
     own: tuple[bytes, ...] | None,
-) -> Trial:  # fmt: skip
+) -> LawTrial:  # fmt: skip
     """The trial of a law of this class; `own`: its numbers, None where they are not known."""
     rng = np.random.default_rng(0)
     given = None
@@ -97,7 +97,7 @@ def _tried(
     if given is not None and size:
         values = np.linalg.svd(rates[0], compute_uv=False)
         settles = bool(values[-1] > SINGULAR * values[0])
-    return Trial(bool(drawn.all() and (given is None or good[0])), settles)
+    return LawTrial(bool(drawn.all() and (given is None or good[0])), settles)
 
 
 def _drawn(rng: np.random.Generator, kind, tree, shapes, given) -> list[np.ndarray]:
