@@ -255,7 +255,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         where, everything = evidence.locate(outcome.baseline.point)
     reason, *further = notes(evidence, outcome, judged, noise_remarks(noise))
     unexplained = _unexplained(evidence, outcome, judged)
-    if limits and unexplained > 1:
+    if limits and f"{unexplained:.2g}" != "1":
         further.append(
             f"A missing effect may hide others: the limits are {unexplained:.2g} times what they "
             "would be without the gap."

@@ -28,9 +28,8 @@ SHORT = 2048  # samples of short runs: 22 MB of 64 designs with three wheels
 class RunGroup(NamedTuple):
     """Outputs of a group of runs at t = 0, step, ..., and the rigs."""
 
-    outputs: Float[
-        Array | np.ndarray, "c o length"
-    ]  # `RUN_OUTPUTS`; what follows the samples means nothing
+    # `RUN_OUTPUTS`; what follows the samples means nothing
+    outputs: Float[Array | np.ndarray, "c o length"]
     rigs: Rig  # without names and laws that do not enter; one leading axis
     wanted: int  # of these runs; the others fill up the group
     design: LinearDesign
