@@ -12,6 +12,7 @@ import omnijax
 from omnijax import InputError, get_parameter, set_parameter
 from omnijax.rig import parameter_paths
 from omnijax.simulation import ramp, table
+from omnijax.vibration import steady_metrics
 
 RPM = 2 * np.pi / 60
 RIG = omnijax.load_rig("atlas")
@@ -75,6 +76,7 @@ def test_speeds_that_are_no_real_numbers_are_refused_everywhere(given):
     for ask in (
         lambda: omnijax.propagate(RIG, given, times),
         lambda: omnijax.steady_state(RIG, given),
+        lambda: steady_metrics(RIG, jnp.asarray(given), ("rms",)),
         lambda: omnijax.sweep(RIG, {"contact.stiffness": [1e5]}, drive=given),
         lambda: jax.jit(lambda w: omnijax.speeds(w).speed.values)(jnp.asarray(given)),
         lambda: omnijax.torques(given),

@@ -4,6 +4,7 @@ import re
 import warnings
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import machine
@@ -13,7 +14,7 @@ from omnijax import load_study, propagate, sensitivity, set_parameter, simulate,
 from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.dynamics import fitting_speeds, sliding, sliding_of
-from omnijax.rig import save_rig
+from omnijax.rig import load_rig, save_rig
 from omnijax.simulation import ramp, remarks, speeds, torques
 from omnijax.study._design.cases import RigCases
 from omnijax.study._evaluation import Question, evaluation_of
@@ -166,3 +167,15 @@ def test_the_page_says_how_far_contacts_slide():
     most = 1e3 * sliding_of(rig, np.array([UNFIT])).speed.max()
     assert "do not fit" in row["label"] and row["value"] == f"{most:.4g} mm/s"
     assert _sliding(rig, fitting_speeds(rig, [0.1, 0.2, 0.3])) == []
+
+
+def test_what_is_known_is_told_where_a_caller_is_traced():
+    """Parts of an array of sample times are traced there: gradients of runs were a traceback."""
+    rig, ts = load_rig("atlas"), jnp.linspace(0, 0.02, 11)
+
+    @jax.jit
+    def scaled(x):
+        run, steady = simulate(rig, [0.1, 1.2, 0.3], ts), steady_state(rig, [0.1, 1.2, 0.3])
+        return x * run.dR[-1, 2], x * propagate(rig, [0.1, 1.2, 0.3], ts).dR[-1, 2], x * steady.rms
+
+    assert all(np.isfinite(float(x)) for x in scaled(1.0))

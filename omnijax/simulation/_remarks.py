@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from ..dynamics import Sliding, driving_remarks, hold_obstacle, sliding_of, sliding_remarks
@@ -21,7 +22,8 @@ def remarks(rig: Rig, drive: AbstractDrive, span: Span | None, model: str) -> li
     """
     if is_traced((rig, drive, span)):
         return []
-    return [*drift_remarks(rig, span, model), *speed_remarks([(rig, drive)], span)]
+    with jax.ensure_compile_time_eval():  # a caller may be traced, though these are numbers
+        return [*drift_remarks(rig, span, model), *speed_remarks([(rig, drive)], span)]
 
 
 def speed_remarks(moved: Sequence[tuple[Rig, AbstractDrive]], span: Span | None) -> list[str]:
@@ -37,7 +39,10 @@ def speed_remarks(moved: Sequence[tuple[Rig, AbstractDrive]], span: Span | None)
 
 def ends(times: Any) -> Span:
     """First and last of sample times in s, as they are where they are traced."""
-    return (times[0], times[-1]) if is_traced(times) else (float(times[0]), float(times[-1]))
+    if is_traced(times):
+        return times[0], times[-1]
+    known = np.asarray(times)  # a part of a JAX array is traced where a caller is
+    return float(known[0]), float(known[-1])
 
 
 def drift_remarks(rig: Rig, span: Span | None, model: str) -> list[str]:

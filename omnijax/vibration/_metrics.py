@@ -12,7 +12,7 @@ from .._batch import check_single
 from .._errors import did_you_mean, tell
 from .._root import root
 from .._text import split_names
-from ..rig import Rig, check_one_rig, up
+from ..rig import Rig, check_one_rig, check_real, up
 from ..simulation import RunChannels, SteadyFigures, Trajectory, remarks
 from ..simulation import speeds as speed_drive
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
@@ -208,6 +208,7 @@ def steady_metrics(
     for name in names:
         if known(name) not in STEADY_METRICS:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
+    check_real("speeds", speeds, "rad/s")
     angles = jnp.zeros(rig.size) if angles is None else angles
     speeds = jnp.asarray(speeds, float)
     figures = _steady_figures(rig, speeds, tuple(names), model, angles, force)
