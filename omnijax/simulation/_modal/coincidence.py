@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .poles import Eigen, modes_of
+from .poles import Eigen
 from .system import LinearDesign
 
 CONDITION = 60.0  # of a pole: 1 where vectors are orthogonal, about 1/g at a gap g of their poles
@@ -59,27 +59,28 @@ def coincidence(
 
     Without it no free part is beside what the sinusoids force.
     """
-    value = jnp.isfinite(pairs.value.real).all(axis=1)
-    poles = value & ~(condition(pairs) < CONDITION).all(axis=1)
+    value, turns = pairs.value, jnp.abs(rate)
+    number = jnp.isfinite(value.real).all(axis=1)
+    poles = number & ~(condition(pairs) < CONDITION).all(axis=1)
     if duration is None:
         return Coincidence(poles, jnp.zeros_like(rate))
-    m, turns = modes_of(pairs), jnp.abs(rate.T)
-    swing = jnp.where(m.kind > 0, jnp.abs(m.l1), 0.0)
-    gap = jnp.square(m.l0) + jnp.square(swing - turns[:, None])  # (v, p, c)
     least = jnp.minimum(LEAD / (2 * duration), NEAR * turns)
-    meet = jnp.any(gap < jnp.square(least)[:, None], axis=1)
-    return Coincidence(poles, jnp.where(meet, LEAD / duration, 0.0).T)
+    re, im = value.real[:, None], value.imag[:, None]
+    gap = jnp.square(re) + jnp.square(im - turns[:, :, None])  # (B, v, k)
+    meet = jnp.any(gap < jnp.square(least)[:, :, None], axis=2)
+    return Coincidence(poles, jnp.where(meet, LEAD / duration, 0.0))
 
 
-def condition(pairs: Eigen) -> Float[Array, "c p"]:
-    """|v| |w|/|w . v| of the right and left vectors, the larger one of each pair."""
+def condition(pairs: Eigen) -> Float[Array, "c k"]:
+    """|v| |w|/|w . v| of the right and left vectors of each pole, less at its conjugate."""
+    upper = pairs.value.imag > 0  # see `Eigen`: the other part of its vectors comes next
 
-    def picked(square):  # (c, k) -> (c, p), of the first and of the second of each pair
-        return (jnp.einsum("ck,cpk->cp", square, one) for one in (pairs.first, pairs.second))
+    def square(x):
+        return x + jnp.where(upper, jnp.roll(x, -1, axis=1), 0.0)
 
-    a, b = picked(jnp.sum(jnp.square(pairs.vector), axis=1))
-    c, d = picked(jnp.sum(jnp.square(pairs.inverse), axis=2))
-    return jnp.sqrt(jnp.where(pairs.kind, (a + b) * (c + d) / 4, jnp.maximum(a * c, b * d)))
+    right = square(jnp.sum(jnp.square(pairs.vector), axis=1))
+    left = square(jnp.sum(jnp.square(pairs.inverse), axis=2))
+    return jnp.sqrt(right * left) * jnp.where(upper, 0.5, 1.0)
 
 
 def answered(
