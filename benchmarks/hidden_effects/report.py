@@ -71,9 +71,16 @@ def _rates(lines: list[dict]) -> list[str]:
         rate("`unknown` kept", (x["right"] for x in of("unknown"))),
         rate("outside the library, yet named", wrong),
         rate("`ambiguous` recognised", (x["right"] for x in of("ambiguous"))),
+        rate("... but for a radius that is named `creep`, with the radius beside it",
+             (x["right"] and not _by_twin(x) for x in of("ambiguous"))),
         rate("numbers within 3 sigma", (abs(v["z"]) < 3 for v in values)),
         rate("sign right", signs),
     ]  # fmt: skip
+
+
+def _by_twin(x: dict) -> bool:
+    """Whether another law is named, and the hidden one listed as what it is not told from."""
+    return x["verdict"] == "named" and not all(pair in x["got"] for pair in _pairs(x))
 
 
 def _pairs(x: dict) -> list[list[str]]:
