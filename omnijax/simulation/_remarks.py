@@ -11,7 +11,7 @@ from ..rig import Rig
 from ._drives import AbstractDrive, SpeedDrive
 from ._signals import Signal, is_traced
 
-Span = tuple[float, float]  # s, first and last moment of a run
+Span = tuple[Any, Any]  # s, first and last moment of a run; traced where the times are
 
 
 def remarks(rig: Rig, drive: AbstractDrive, span: Span | None, model: str) -> list[str]:
