@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from compilations import counted
+from machines import ANY_SPEEDS
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -106,6 +107,7 @@ def test_what_is_timed_compiles_nothing_once_warm():
     assert compiled
 
 
+@ANY_SPEEDS
 @pytest.mark.parametrize("count", [3, 4])
 def test_general_machines_are_the_rigs_they_are_measured_beside(count):
     import jax.numpy as jnp
