@@ -275,7 +275,7 @@ def test_a_diagnosis_names_what_was_planted(type_, machine):
         ("design rig.toml", "is a rig file, not a study file"),
         ("simulate rig.toml --speed a,b,c --duration 1x", "`duration`"),
         ("sweep-status none.zarr", "there is no such folder"),
-        ("diagnose none", "there is no such folder: a case is one"),
+        ("diagnose none", "none: there is no such folder."),
         ("diagnose rig.toml", "rig.toml: is a file, and not a folder: a case is one"),
         ("replay none.nc", "there is no such file"),
     ],
