@@ -54,10 +54,11 @@ def uncertain_numbers(rig: Rig) -> dict[str, float]:
         parts = path.split(".")
         rest = path if parts[0] in PARTS else ".".join(parts[1:])
         of_all = parts[0] in PARTS or (parts[0] == "wheel" and parts[1] not in rig.names)
-        if of_all:
-            sigmas = {f"wheel.{name}.{rest}": sigma for name in rig.names} | sigmas
-        else:
+        if not of_all:
             sigmas[path] = sigma
+            continue
+        for name in rig.names:  # what is said of one wheel holds
+            sigmas.setdefault(f"wheel.{name}.{rest}", sigma)
     return sigmas
 
 

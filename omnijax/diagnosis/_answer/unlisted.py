@@ -9,6 +9,7 @@ import dataclasses
 
 import numpy as np
 
+from ...rig import closed_numbers
 from .._machine import RigModel, rig_priors
 from .._search import Fit, Point, Prior, beside_taken, refit, taken_up
 from .._settings import SETTINGS
@@ -37,10 +38,11 @@ def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
     if not (gap > 0 and before > 0):
         return []
     free = {prior.name for prior in model.priors}
+    opened = {path: _opened(model, path, sigma) for path, sigma in TOLERANCES.items()}
     groups = {
-        path: [p for p in rig_priors(_opened(model, path, sigma)) if p.name not in free]
-        for path, sigma in TOLERANCES.items()
-    }
+        path: [p for p in rig_priors(rig) if p.name not in free]
+        for path, rig in opened.items() if not closed_numbers(rig)
+    }  # fmt: skip
     groups = {path: priors for path, priors in groups.items() if priors}
     out = []
     for path in _promising(model, fit, groups)[:TRIED]:
