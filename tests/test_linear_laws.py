@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import drawn_machine
+from machines import ANY_SPEEDS, drawn_machine
 from scipy.optimize import brentq
 from seeds import drawn_anew
 
@@ -149,6 +149,7 @@ def _numbers(rig):
     return rig.wheels.contact.damping, rig.wheels.mount.stiffness, rig.wheels.mount.damping
 
 
+@ANY_SPEEDS
 @pytest.mark.parametrize("long", [False, True], ids=["four, a run", "three, the long run"])
 def test_sweeps_of_linear_laws_are_those_of_the_numbers_that_they_are(own, long):
     """Figures in bulk, and slopes of runs; such a law was stepped in time."""
