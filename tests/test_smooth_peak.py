@@ -86,7 +86,7 @@ def test_of_what_is_not_finite_it_is_not_finite():
     """It was 0, and a design without figures the best one of a sweep, with the status ok."""
     broken = jnp.full((8, 3), jnp.nan)
     assert jnp.isnan(smooth_peak([even(broken)], broken[0], P))
-    assert jnp.isnan(of_samples(broken))
+    assert jnp.isnan(of_samples(jnp.arange(8.0), broken))
     too_stiff = set_parameter(load_rig("atlas"), "contact.stiffness", 1e15)
     found = steady_metrics(too_stiff, jnp.array([0.1, 1.2, 0.3]), ("smooth_peak", "rms"))
     assert np.isnan(found["rms"]) and np.isnan(found["smooth_peak"])

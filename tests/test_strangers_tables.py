@@ -110,6 +110,7 @@ def test_counts_of_an_encoder_have_a_unit_of_their_own(tmp_path, signals, capsys
         one.outputs["position"], np.round(100 * q[: len(one.time)]) * 2 * np.pi / 4096, atol=1e-9
     )
     np.testing.assert_allclose(one.inputs["input"], u[: len(one.time)], rtol=1e-9)
+    here = str(tmp_path / "another")  # a folder that is there is told before anything else
     for wrong in ("position=360/4096 kg", "position=1/0 deg", "speed=rpm", "position"):
         assert cli.run(["case", "new", str(log), "--out", here, "--yes", "--unit", wrong]) == 2
         assert capsys.readouterr().err.count("\n") <= 2
