@@ -243,7 +243,7 @@ def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
     """Without noise a margin is its own mean: 10 by the train runs, and as much a sample beyond."""
     truth = law("bearing-coulomb", 0.005)
     better, rivals = challenged(truth, "bearing-coulomb", {"torque": 0.005})
-    margin = next(margin for effect, margin, _ in rivals if effect.id == "soft")
+    margin = next(margin for effect, margin, *_ in rivals if effect.id == "soft")
     assert better is None
     assert margin > 1.2 * SETTINGS.search.equal
     model = balance([truth], {**LAWS, "soft": Soft}, noise=0.0)

@@ -177,7 +177,8 @@ def test_a_study_that_is_resumed_where_nothing_is_kept_begins_and_says_so(tmp_pa
 @pytest.mark.parametrize(
     ("line", "kept"),
     [
-        (["simulate", "atlas", "--out", "run.nc", *SHORT, "--resume"], "is in run.nc.pieces, and"),
+        (["simulate", "atlas", "--out", "run.nc", *SHORT, "--resume"],
+         "run is whole in run.nc.pieces. Missing: run.nc."),
         (["sweep", "atlas", "--vary", "platform.mass=5,6", "--out", "store", *SHORT],
          "2 of 2 designs are done and kept in store. Continue with the same command and --resume"),
         (["tolerances", "study.toml", "--draws", "64", "--store", "store"],
