@@ -7,7 +7,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._reading import existing, read_toml
-from ..recording import RunSamples, stands_in, stem_of
+from ..recording import RunSamples, stands_in, stem_of, without_copies
 from ._file import MachineFile, load_machine
 from ._log import Log, LogFile, read_log, read_log_file, tables_of
 
@@ -40,7 +40,11 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
             logs.append(read_log(one, file.machine.inputs, file.machine.outputs))
         except InputError as error:
             faults += [f"{x} The run is not used." for x in error.problems]
-    logs = _without_copies(logs, faults)
+    logs, copies = without_copies(logs, lambda log: log.role == "held-out", _is_part)
+    faults += [
+        f"{log.name} holds the same samples as {copied.name}: it confirms nothing, and is not used "
+        "as held-out." for log, copied in copies
+    ]  # fmt: skip
     if not logs:
         raise InputError("\n- ".join([f"{folder}: no run can be used.", *faults]))
     faults += [x for log in logs for x in log.faults]
@@ -55,22 +59,10 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
     return MachineCase(folder, file, logs, blocks, faults)
 
 
-def _without_copies(logs: list[Log], faults: list[str]) -> list[Log]:
-    """The logs without those held out whose samples a train run has too; faults say which."""
-
-    def samples(log):
-        return RunSamples(log.time, log.outputs, log.inputs)
-
-    train, kept = [log for log in logs if log.role == "train"], []
-    for log in logs:
-        held = log.role == "held-out"
-        copied = next((x for x in train if held and stands_in(samples(log), samples(x))), None)
-        if copied is None:
-            kept.append(log)
-        else:
-            faults.append(f"{log.name} holds the same samples as {copied.name}: it confirms "
-                          "nothing, and is not used as held-out.")  # fmt: skip
-    return kept
+def _is_part(log: Log, whole: Log) -> bool:
+    """Whether every sample of a log stands in another one."""
+    one, other = (RunSamples(x.time, x.outputs, x.inputs) for x in (log, whole))
+    return stands_in(one, other)
 
 
 def _log_files(folder: Path) -> list[LogFile]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._reading import existing
-from ._copies import is_part
+from ._copies import is_part, without_copies
 from ._read import read_recording
 from ._recording import Fault, Recording
 from ._shorten import first, thinned
@@ -99,7 +99,11 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
     if not runs:
         said = [x.what if x.file in x.what else f"{x.file}: {x.what}" for x in faults]
         raise InputError("\n- ".join([f"{folder}: no run can be used.", *said]))
-    runs = _without_copies(runs, faults)
+    runs, copies = without_copies(runs, lambda run: run.held_out, is_part)
+    for run, copied in copies:
+        what = f"holds the same samples as {copied.path.name}: it confirms nothing"
+        use = "the run is not used as held-out"
+        faults.append(Fault(run.path.name, "", (), "same samples", what, use))
     faults += _between(runs)
     return Case(folder, rig, runs, rig_path, faults)
 
@@ -163,20 +167,6 @@ def _rig_path(folder: Path, paths: list[Path], rig: Any) -> Path:
         said = next(iter(named.values()), "no run names one and there is no rig.toml")
         raise InputError(f"{folder}: no rig file: {said}.")
     return chosen
-
-
-def _without_copies(runs: list[Recording], faults: list[Fault]) -> list[Recording]:
-    """The runs without those held out whose samples a train run has too; faults say which."""
-    train, kept = [run for run in runs if not run.held_out], []
-    for run in runs:
-        copied = next((x for x in train if run.held_out and is_part(run, x)), None)
-        if copied is None:
-            kept.append(run)
-            continue
-        what = f"holds the same samples as {copied.path.name}: it confirms nothing"
-        use = "the run is not used as held-out"
-        faults.append(Fault(run.path.name, "", (), "same samples", what, use))
-    return kept
 
 
 def _between(runs: list[Recording]) -> list[Fault]:

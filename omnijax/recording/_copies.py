@@ -1,12 +1,13 @@
 """Runs that hold the same samples: one file is a copy, or a part, of the other."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from ._recording import Recording
 
+T = TypeVar("T")
 DIGITS = 1e-5  # of a channel's largest value: six digits are printed, and rounded
 OFF = 0.01  # of a step, by which times may differ
 
@@ -32,6 +33,21 @@ def is_part(run: Recording, whole: Recording) -> bool:
     """Whether every sample of `run` stands in `whole`: at its time, or counted from both starts."""
     one, other = _samples(run), _samples(whole)
     return stands_in(one, other) or stands_in(one.later(-run.time[0]), other.later(-whole.time[0]))
+
+
+def without_copies(
+    runs: Sequence[T], is_held_out: Callable[[T], bool], is_copy: Callable[[T, T], bool]
+) -> tuple[list[T], list[tuple[T, T]]]:
+    """The runs without those held out that copy another one, and these with what they copy."""
+    train, kept, copies = [run for run in runs if not is_held_out(run)], [], []
+    for run in runs:
+        held = is_held_out(run)
+        copied = next((other for other in train if held and is_copy(run, other)), None)
+        if copied is None:
+            kept.append(run)
+        else:
+            copies.append((run, copied))
+    return kept, copies
 
 
 def _samples(run: Recording) -> RunSamples:

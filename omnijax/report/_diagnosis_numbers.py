@@ -8,8 +8,6 @@ from .._text import estimate, quantity_text, scaled
 from ._content import Column, Section, Table
 from ._diagnosis_figures import gap_figure, limits_figure
 
-BOUND = "limit"  # the size of a saturation
-
 
 def closed(gap: Any) -> float | None:
     """How much of a gap is closed, %; 100 at most, since what is below the noise is chance."""
@@ -136,7 +134,7 @@ def excluded(diagnosis) -> list[Section]:
         text += f" These runs say nothing about {', '.join(silent)}."
     if any(x["parameter"] == "share" for x in known):
         text += " A share is that of the law's own size: below 1 the law is excluded."
-    if any(x["parameter"] == BOUND for x in known):
+    if any(x["parameter"] == "limit" for x in known):
         text += (
             " The limit of a saturation is the highest one tried that the runs exclude: it would "
             "have to be higher."

@@ -21,39 +21,33 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
     """
     if judged.verdict not in ("named", "ambiguous"):
         return []
-    model, out = evidence.model, []
-    floor, count = min(judged.floor, outcome.held_after), float(np.log(model.dof("train")))
+    model, fit, out = evidence.model, outcome.fit, []
+    floor, price = min(judged.floor, outcome.held_after), float(np.log(model.dof("train")))
     # what is left above the noise, or less than was assumed, is noise for the sizes too
-    spread = max(1.0, outcome.fit.chi2 / model.dof("train"))
-    for i, effect in enumerate(outcome.fit.point.effects):
+    spread = max(1.0, fit.chi2 / model.dof("train"))
+    for i, effect in enumerate(fit.point.effects):
         near = judged.equals.get(i, [])
         less, held = outcome.alone.get(i, (outcome.baseline, outcome.held_before))
-        fit, everyone = outcome.fit, [effect, *(r.effect for r in near)]
-
-        def said(chi2, left, numbers, less=less, held=held) -> dict[str, float | None]:
-            unknown = left is None
-            return {
-                "delta_bic": chi2 - less.chi2 + count * sum(len(x) for x in numbers.values()),
-                "held_out_gain": None if unknown else _closed(held - left, held - floor),
-                "held_out_chi2": None if unknown else held - left,
-            }
-
-        def entry(effect, numbers, evidenced, everyone=everyone) -> Named:
-            law = model.laws[effect.id].parameters
-            sigma = {
-                key: _sigma(law[key], effect.values[key], spread * x) for key, x in numbers.items()
-            }
-            parameters = _parameters(evidence, effect, sigma)
-            others = _others(everyone, effect, outcome)
-            return Named(effect.id, effect.place, parameters, evidenced, others)
-
-        own = fit.covariances(i)
         margin = min((r.margin for r in outcome.rivals.get(i, [])), default=None)
-        first = said(fit.chi2, outcome.held_after, own) | {"margin_to_next": margin}
-        out.append(entry(effect, own, first))
-        for r in near:
-            its = said(r.chi2, r.held, r.covariances) | {"margin": r.margin, "cosine": r.cosine}
-            out.append(entry(r.effect, r.covariances, its))
+        mine = {"margin_to_next": margin}
+        refits = [  # effect, chi2 of both splits, covariances, and what stands beside these
+            (effect, fit.chi2, outcome.held_after, fit.covariances(i), mine),
+            *((r.effect, r.chi2, r.held, r.covariances, {"margin": r.margin, "cosine": r.cosine})
+              for r in near),
+        ]  # fmt: skip
+        everyone = [one for one, *_ in refits]
+        for one, chi2, left, numbers, beside in refits:
+            gain = None if left is None else held - left
+            evidenced = {
+                "delta_bic": chi2 - less.chi2 + price * sum(map(len, numbers.values())),
+                "held_out_gain": None if gain is None else _closed(gain, held - floor),
+                "held_out_chi2": gain, **beside,
+            }  # fmt: skip
+            law = model.laws[one.id].parameters
+            sigma = {k: _sigma(law[k], one.values[k], spread * x) for k, x in numbers.items()}
+            parameters = _parameters(evidence, one, sigma)
+            others = _others(everyone, one, outcome)
+            out.append(Named(one.id, one.place, parameters, evidenced, others))
     return together(out)
 
 
@@ -74,13 +68,13 @@ def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[flo
 def _others(everyone: list[Effect], effect: Effect, outcome: SearchResult) -> list[dict[str, str]]:
     """What an effect is not told from: its rivals, and a twin that does no more in these runs."""
     other = [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
-    twin = TWIN.get(effect.id)
+    twin = ROLLS_ALIKE.get(effect.id)
     if f"{twin}@{effect.place}" in outcome.wider.get(effect.name, ()):
         other.append({"id": str(twin), "place": effect.place})
     return other
 
 
-TWIN = {"creep": "wheel-radius"}  # which changes the wheel's shape too: that may be too little
+ROLLS_ALIKE = {"creep": "wheel-radius"}  # which changes the shape too: that may be too little
 
 
 def together(effects: list[Named]) -> list[Named]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...rig import closed_numbers
 from .._machine import RigModel, rig_priors
-from .._search import Fit, Point, Prior, beside_taken, refit, taken_up
+from .._search import Fit, Point, Prior, beside_taken, refits_about, taken_up
 from .._settings import SETTINGS
 from .evidence import Unlisted
 
@@ -30,8 +30,7 @@ def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
     prepared about each itself, for what was made of the data about a wrong set leads elsewhere.
     """
     model = RigModel(model.rig, model.machine.runs, model.noise, model.laws, model.window)
-    model.rebase(fit.point)
-    fit = refit(model, fit.point)
+    (fit,) = refits_about(model, fit.point, 1)
     gap = fit.chi2 - model.dof("train")
     (left,) = model.residuals([fit.point], "held-out")
     before = float(left @ left) - model.dof("held-out")
@@ -48,8 +47,7 @@ def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
     for path in _promising(model, fit, groups)[:TRIED]:
         wider = _with(model, groups[path])
         start = Point(np.concatenate([fit.point.u, np.zeros(len(groups[path]))]))
-        wider.rebase(refit(wider, start).point)
-        refitted = refit(wider, start)
+        _, refitted = refits_about(wider, start, 2)
         (rest,) = wider.residuals([refitted.point], "held-out")
         closed = 1 - (float(rest @ rest) - model.dof("held-out")) / before
         if closed >= closing:
@@ -102,5 +100,5 @@ def _numbers(
     values = refitted.point.u[P:]
     return {
         p.name: (p.value, p.at(u), abs(p.slope(u)) * s)
-        for p, u, s in zip(priors, values, sigma, strict=False)
+        for p, u, s in zip(priors, values, sigma, strict=True)
     }

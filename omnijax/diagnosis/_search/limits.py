@@ -55,11 +55,13 @@ def upper_limits(
         bent = [s for s in holding.values() if model.bends(s.candidate.id)]
         bent.sort(key=lambda s: s.candidate.place not in stepped)
         tables = variants_through_laws(model, fit.point, scan, bent[:COLUMNS])
-        with signatures.replaced(tables):
-            scan = signatures.scan(fit.residual, taken, u)
-            for score in (scan.scores[i] for i in tables):
+        if tables:
+            some = [signatures.layout.candidates[i] for i in tables]
+            through = Signatures(some, np.concatenate([*tables.values()]))
+            scan = through.scan(fit.residual, taken, u)
+            for score in scan.scores:
                 entry = best[score.candidate.name]
-                told = _limit(signatures, scan, score, fit.residual, entry["parameter"])
+                told = _limit(through, scan, score, fit.residual, entry["parameter"])
                 entry.update(told or {"limit_95": None})
     return sorted(best.values(), key=lambda x: (x["id"], x["place"]))
 

@@ -13,6 +13,7 @@ from .forcing import forcing as forcing
 from .forcing import forcing_signals as forcing_signals
 from .forcing import like_groups as like_groups
 from .forcing import stacked as stacked
+from .linear_laws import GROWTH as GROWTH
 from .linear_laws import may_grow as may_grow
 from .period_map import Passages as Passages
 from .period_map import longest_passage as longest_passage

@@ -25,6 +25,7 @@ ROUNDING = 1e-9  # of the sum of |J| |x|: more is no rounding
 SIZES = 10.0 ** np.arange(-9, 1)  # of signals, in m, m/s and the memory's unit
 DRAWS = 3  # of the law's numbers, beside its own
 WHEEL = (2e5, 100.0, 150.0, 0.07)  # what signals hold beside: N/m, N s/m, and a contact's N and m
+GROWTH = 1e-8  # of the largest pole: what grows more slowly is undamped, to rounding
 SINGULAR = 1e-12  # least singular value, of the largest, of rates that settle a memory
 
 

@@ -14,13 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .._exact import GROWTH
 from .arithmetic import Pair, rows
 from .quartics import SIZES as CLOSED
 from .quartics import BlockPoles, block_poles
 from .shifted_qr import Decomposed, decomposed, pays
 from .system import Layout, System
-
-GROWTH = 1e-8  # of the largest pole: what grows more slowly is undamped, to rounding
 
 
 class PolePairs(NamedTuple):

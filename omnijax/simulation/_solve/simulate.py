@@ -66,12 +66,12 @@ def simulated(
     drive: AbstractDrive,
     ts,
     *,
-    model: str = "coupled",
-    solver: str = "auto",
-    rtol: float = RTOL,
-    max_steps: int = MAX_STEPS,
+    model: str,
+    solver: str,
+    rtol: float,
+    max_steps: int,
+    adjoint: "dfx.AbstractAdjoint | None",
     keep_radius_rate: bool = False,
-    adjoint: "dfx.AbstractAdjoint | None" = None,
 ) -> Trajectory:
     """`simulate` of a drive that fits its rig, for studies: one of many runs warns of nothing."""
     rig, fine, points = to_be_seen(rig, ts)

@@ -21,6 +21,7 @@ from ..._status import Status
 from ...dynamics import held, solve_all
 from ...rig import Rig
 from .._exact import (
+    GROWTH,
     ForcedSystem,
     Forcing,
     Passages,
@@ -42,7 +43,6 @@ from .peak_search import Curves, PeakPlaces, largest, places, supremum
 from .smooth_peak import PhasePlaces, smooth_peak
 
 BITS = 7  # of the even places a piece where extremes are looked for
-GROWTH = 1e-8  # of the largest pole: what grows more slowly is undamped, to rounding
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 
 
