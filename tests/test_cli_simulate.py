@@ -168,6 +168,7 @@ def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--speed", "0.1,1e30,1"], "`speed` must lie in [-1e+06, 1e+06] rad/s, but is 1e+30."),
         (["--speed", "0.1,1.2"], "`speed` has 2 values, but the rig has 3 wheels."),
         (["--speed", "0.1,1.2,x"], "`speed` must be a number in rad/s"),
         (["--speed", "1 m,1,1"], "`speed` must be a number in rad/s"),

@@ -32,11 +32,15 @@ class Studied(NamedTuple):
 
 def asked(rig: Any, motion: MotionOptions, recording: Path | None) -> AskedDrive:
     """The drive that the options describe; `InputError` where they describe none or two."""
+    from ..simulation import drive_for
+
     _one_of(motion, recording)
     if recording is not None:
-        return _from_file(rig, motion, recording)
-    times = _times(motion)
-    return AskedDrive(_typed(rig, motion, float(times[-1])), times, [])
+        plan = _from_file(rig, motion, recording)
+    else:
+        times = _times(motion)
+        plan = AskedDrive(_typed(rig, motion, float(times[-1])), times, [])
+    return plan._replace(drive=drive_for(rig, plan.drive))
 
 
 def studied(rig: Any, motion: MotionOptions, recording: Path | None) -> Studied:
