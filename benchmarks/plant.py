@@ -330,14 +330,15 @@ def rig_text(rig, uncertainty: dict[str, float] = SPREAD) -> str:
     lines = [f"[sphere]\nradius = {rig['R']}\nmass = {rig['M']!r}\ninertia = {rig['I']!r}\n",
              f"[platform]\nmass = {rig['Ml']!r}\n"
              f"gravity = {np.ravel(rig['g']).tolist()}\n"]  # fmt: skip
-    word = "half" if rig["half"] else "continuous" if rig["wave"] else "gated"
+    word = "half-sine" if rig["half"] else "continuous-sine" if rig["wave"] else "gated-sine"
+    word = "rollers" if rig["pivot"] else word
     for i in range(len(rig["K"])):
         K, C, k, c = (float(rig[key][i]) for key in ("K", "C", "k", "c"))
         lines.append(
             f'[[wheel]]\nname = "w{i + 1}"\nnormal = {rig["normal"][i].tolist()}\n'
             f"drive = {rig['drive'][i].tolist()}\nradius = {rig['r']}\nmass = {rig['m']!r}\n"
             f"inertia = {rig['Iw']!r}\nrollers = {int(rig['n'])}\nroundness = {rig['eta']!r}\n"
-            f'profile = "{word}-sine"\n'
+            f'profile = "{word}"\n'
             f"contact = {{ stiffness = {K!r}, damping = {C!r}, friction = {rig['mu']} }}\n"
             f"mount = {{ stiffness = {k!r}, damping = {c!r} }}\n"
             f"closure = {{ stiffness = {rig['Kc']!r}, preload = {rig['N0']!r} }}\n"

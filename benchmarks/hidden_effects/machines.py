@@ -32,18 +32,16 @@ def drawn_machine(rng: np.random.Generator, certain: tuple[str, ...] = ()) -> Ma
     """A machine of 3 to 5 wheels; `certain` parts are never off, since a hidden effect is alike."""
     wheels = int(rng.choice([3, 4, 5], p=[0.6, 0.25, 0.15]))
     stated = plant.machine(rng, wheels)
-    size = np.exp(rng.uniform(np.log(0.25), 0.0))
+    size = np.exp(rng.uniform(np.log(0.1), 0.0))  # spheres of 0.12 to 1.2 m
     for key in SCALED:
         stated[key] = stated[key] * size
-    stated |= {"R": 1.22 * size, "r": stated["r"] * size * rng.uniform(0.8, 1.25)}
+    # a small sphere has larger wheels for its size
+    stated |= {"R": 1.22 * size, "r": stated["r"] * np.sqrt(size) * rng.uniform(0.8, 1.25)}
     stated["I"] = stated["M"] * stated["R"] ** 2 * rng.uniform(0.4, 0.667)
     stated["Iw"] = stated["m"] * stated["r"] ** 2 * rng.uniform(0.4, 0.7)
-    if rng.random() < 0.5:  # the second layout: drives skewed about the normals
-        skew = rng.uniform(0.2, 0.7) * rng.choice([-1, 1])
-        across = np.cross(stated["normal"], stated["drive"])
-        stated["drive"] = np.cos(skew) * stated["drive"] + np.sin(skew) * across
-    profile = rng.choice(["gated", "half", "wave"], p=[0.5, 0.3, 0.2])
-    stated |= {"half": float(profile == "half"), "wave": float(profile == "wave")}
+    stated |= _layout(rng, stated)
+    profile = rng.choice(["gated", "half", "wave", "pivot"], p=[0.45, 0.25, 0.15, 0.15])
+    stated |= {word: float(profile == word) for word in ("half", "wave", "pivot")}
     if profile == "half":
         stated["eta"] *= rng.uniform(1.0, 2.0)
     stated = {k: v if np.ndim(v) else float(v) for k, v in stated.items()}
@@ -57,6 +55,19 @@ def drawn_machine(rng: np.random.Generator, certain: tuple[str, ...] = ()) -> Ma
             true[key] = true[key] * (off if key in BY_WHEEL else off[0])
             uncertainty[name] = sigma
     return Machine(stated, true, uncertainty)
+
+
+def _layout(rng: np.random.Generator, stated: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Normals and drives: as they are, skewed about the normals, or three at right angles."""
+    layout = rng.choice(["along", "skewed", "orthogonal"], p=[0.35, 0.45, 0.2])
+    normal, drive = stated["normal"], stated["drive"]
+    if layout == "skewed":
+        skew = rng.uniform(0.2, 0.7) * rng.choice([-1, 1])
+        drive = np.cos(skew) * drive + np.sin(skew) * np.cross(normal, drive)
+    elif layout == "orthogonal" and len(normal) == 3:
+        normal = np.eye(3)
+        drive = np.roll(normal, int(rng.choice([1, 2])), axis=1)
+    return {"normal": normal, "drive": drive}
 
 
 def arrays(rig: dict[str, Any]) -> dict[str, np.ndarray]:

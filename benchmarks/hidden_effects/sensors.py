@@ -85,7 +85,10 @@ def _drawn_fault(rng, wheels: int) -> dict[str, Any]:
     if fault == "low-pass":
         return {"fault": fault, "at": str(rng.choice(["a", "dR"])), "size": rng.uniform(1, 6)}
     if fault == "quantised":
-        return {"fault": fault, "at": "theta", "size": 2 * np.pi / 2 ** rng.integers(14, 17)}
+        at = str(rng.choice(["theta", "dR", "a"], p=[0.5, 0.25, 0.25]))
+        if at == "theta":
+            return {"fault": fault, "at": at, "size": 2 * np.pi / 2 ** rng.integers(14, 17)}
+        return {"fault": fault, "at": at, "size": plant.NOISE[at] * rng.uniform(0.5, 3)}
     if fault == "wander":
         names = [c for c in plant.columns(wheels) if c[0] in "da"]
         return {"fault": fault, "at": str(rng.choice(names)), "size": rng.uniform(0.5, 3)}
