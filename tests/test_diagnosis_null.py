@@ -1,6 +1,7 @@
 """Where nothing is missing: score p-values are uniform, and encoder noise is no effect."""
 
 import dataclasses
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -47,14 +48,14 @@ def machines(tmp_path_factory):
     return [healthy(folder / str(i), rng) for i in range(MACHINES)]
 
 
-def noisy(tables, noise, rng) -> list[Run]:
-    """The runs with new noise."""
+def noisy(tables, noise, rng, last: str = "train") -> list[Run]:
+    """The runs with new noise; the role of the last of them."""
     return [
         dataclasses.replace(run, outputs={
             group: run.outputs[group] + sigma * rng.normal(size=run.outputs[group].shape)
             for group, sigma in noise.items()
         })
-        for run in runs_of(tables, ["train"] * len(tables))
+        for run in runs_of(tables, ["train"] * (len(tables) - 1) + [last])
     ]  # fmt: skip
 
 
@@ -130,6 +131,23 @@ def test_held_out_runs_confirm_an_effect_and_nothing_else():
         assert not HeldOut.of(noise + 3 * signal, noise + 2 * signal).confirms(1e3)
         sure.append(chance.sure)
     assert kstest(sure, "norm").pvalue > 0.01
+
+
+def test_fitted_runs_are_asked_of_their_readings_without_held_out_ones(machines, monkeypatch):
+    """A mode that a held-out run alone excites left a gap there that stood in runs that fit."""
+    rig, noise, tables = machines[0]
+    runs = noisy(tables, noise, np.random.default_rng(8), "held-out")
+    model, asked = RigModel(rig, runs, noise, dict(EFFECTS)), []
+    monkeypatch.setattr(
+        import_module("omnijax.diagnosis._machine.locate"), "on_reading",
+        lambda label, left, read, seed: asked.append((label, [len(x) for x in read])),
+    )  # fmt: skip
+    evidence = RigEvidence(model, noise, [])
+    for split, every in (("train", runs[:1]), ("held-out", runs)):
+        asked.clear()
+        evidence.locate(Point(np.zeros(len(model.priors))), split)
+        elastic = [f"{group}_{axis}" for group in ("dR", "a") for axis in "xyz"]
+        assert asked == [(label, [run.samples for run in every]) for label in elastic]
 
 
 def test_start_angles_of_wheels_without_encoder_are_found(machines):

@@ -34,7 +34,7 @@ class RigEvidence(AbstractEvidence):
     ):
         self.model, self.noise, self.faults = model, noise, faults
         self.confirmed_on = confirmed_on
-        self._located: dict[int, tuple[Any, ...]] = {}  # by run
+        self._located: dict[tuple[str, int], tuple[Any, ...]] = {}  # by split and run
         self._unlisted: dict[bytes, list[Unlisted]] = {}  # by the point asked for last
 
     @property
@@ -96,11 +96,18 @@ class RigEvidence(AbstractEvidence):
         return RigEvidence(model, self.noise, [*self.faults, *said], "blocks")
 
     def locate(self, point, split="held-out", run=0):
-        """A run's last answer again, where point and basis are those of it."""
-        basis, i = self.model.machine.basis, self.model.splits[split][run]
-        asked, last = (point.u.tobytes(), repr(point.effects)), self._located.get(i)
+        """A run's last answer again, where point and basis are those of it.
+
+        Fitted runs are asked without held-out ones, whose gap may be what the fit leaves open.
+        """
+        splits, basis = self.model.splits, self.model.machine.basis
+        i, fitted = splits[split][run], split == "train"
+        beside = sorted(splits[split] if fitted else {k for runs in splits.values() for k in runs})
+        asked = point.u.tobytes(), repr(point.effects)
+        last = self._located.get((split, i))
         if last is None or last[0] is not basis or last[1] != asked:
-            self._located[i] = last = basis, asked, locate(self.model, point, i)
+            answer = locate(self.model, point, i, beside)
+            self._located[split, i] = last = basis, asked, answer
         return last[2]
 
     def learn(self, fit, scores, tell):

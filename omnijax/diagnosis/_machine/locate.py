@@ -5,6 +5,7 @@ which hangs what its sensor does to it, and a change over the run of what the mo
 constant, calibrated numbers and the strengths of effects alike.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,12 @@ DIGITS = SETTINGS.locate.digits
 
 
 def locate(
-    model, point: Point, i: int, top: int = SETTINGS.search.shown
+    model, point: Point, i: int, beside: Sequence[int], top: int = SETTINGS.search.shown
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """`discovered` of the residual of a rig's model at `point` on run `i`."""
+    """`discovered` of the residual of a rig's model at `point` on run `i`.
+
+    What is a function of a channel's reading is one in all runs `beside`, `i` among them.
+    """
     machine, rig = model.machine, model.rig_at(point)
     vector, changes = _tangents(model, point, i)
     labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
@@ -48,14 +52,14 @@ def locate(
     step = machine.runs[i].step
     for c in "xyz":
         own[f"a_{c}"] += accelerating(f"dR_{c}", columns[f"dR_{c}"], step)
-    answers = _in_all_runs(model, rig, labels)
+    answers = _in_all_runs(model, rig, labels, beside)
     return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own, answers)
 
 
-def _in_all_runs(model, rig, labels: list[str]) -> list[dict[str, Any]]:
-    """Answers of all runs: by elastic channel what is a function of its reading, by wheel what
-    of its rolled length is left of Omega too."""
-    machine, every = model.machine, sorted({i for runs in model.splits.values() for i in runs})
+def _in_all_runs(model, rig, labels: list[str], every: Sequence[int]) -> list[dict[str, Any]]:
+    """Answers of the runs `every`: by elastic channel what is a function of its reading, by wheel
+    what of its rolled length is left of Omega too."""
+    machine = model.machine
     vectors = [machine.residuals([rig], [i])[0] for i in every]
     (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
     left = [machine.rows[i].unwhitened(x) for i, x in zip(every, vectors, strict=True)]
