@@ -320,6 +320,7 @@ def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off
     )  # fmt: skip
     shown = beside_doubt(evidence, fit, fit)  # pyright: ignore
     assert shown.structured == ([] if granted else ["a_y"])
+    assert shown.granted == granted  # which the answer says
     if granted:  # or the search would be made again with noise of a colour
         assert not shown.matters and shown.ratio("a_y") == pytest.approx(1.0, abs=0.1)
 

@@ -164,7 +164,9 @@ def beside_doubt(evidence: AbstractEvidence, baseline: Fit, fit: Fit) -> Shown:
         return shown
     evidence.model.tell("asking what the calibration leaves open of it")
     point = _granted(evidence, baseline, fit, shown)
-    return shown if point is None else shown_noise(evidence, point)
+    if point is None:
+        return shown
+    return dataclasses.replace(shown_noise(evidence, point), granted=True)
 
 
 def explained(model, way: SearchPath) -> bool:
@@ -197,6 +199,8 @@ def _judged_by(searched: Searched) -> Verdict:
     judged = _judged(evidence, outcome, shown, first, last, changing, bent)
     if judged.verdict == "unknown":
         judged = _beside_doubt(evidence, outcome, shown, first, judged, bent)
+    elif shown.granted:
+        judged = _granting(judged)
     return _beside_unlisted(evidence, outcome, judged)
 
 
@@ -310,10 +314,13 @@ def _beside_doubt(
     last = evidence.columns(left, "held-out")
     changing = _unsteady_at(evidence, outcome.fit, point)
     again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing, bent)
-    if again.verdict == "unknown":
-        return judged
-    text = f"{again.reason}, where that which the fitted runs leave open is granted"
-    return dataclasses.replace(again, reason=text)
+    return judged if again.verdict == "unknown" else _granting(again)
+
+
+def _granting(judged: Verdict) -> Verdict:
+    """The verdict with the words that it stands on numbers within their errors."""
+    text = f"{judged.reason}, where that which the fitted runs leave open is granted"
+    return dataclasses.replace(judged, reason=text)
 
 
 def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:

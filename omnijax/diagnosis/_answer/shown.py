@@ -24,7 +24,8 @@ class Shown:
     A power is that of the largest discovery, over the noise's (channels without any: 0), in the
     held-out runs: `structure`, and in the `fitted` ones that were asked.  `where` holds the
     discoveries of the former and all answers behind them.  Of `bounded` channels, where a gap is
-    left, the level is an upper bound: fast parts of the gap count in it.
+    left, the level is an upper bound: fast parts of the gap count in it.  Where `granted`, all this
+    is of a point within the errors of the fit, and without that more than noise is left.
     """
 
     levels: tuple[dict[str, Level], ...]
@@ -33,6 +34,7 @@ class Shown:
     where: tuple[list[dict[str, Any]], list[dict[str, Any]]]
     bounded: frozenset[str] = frozenset()
     fitted: dict[str, float] = dataclasses.field(default_factory=dict)
+    granted: bool = False
 
     @property
     def structured(self) -> list[str]:
