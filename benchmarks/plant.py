@@ -85,10 +85,10 @@ def profile(angle, rig):
 def shape(angle, rig, e):
     """rho of every wheel with runout and damaged roller."""
     bare = profile(angle, {**rig, "r": rig["r"] * (1 + e["radius"])})
-    gap = jnp.floor(jnp.mod(angle, 2 * jnp.pi) / (2 * jnp.pi / rig["n"]))
-    return bare * (1 + e["severity"] * (gap == e["roller"])) + e["runout"] * jnp.cos(
-        angle - e["runout_phase"]
-    )
+    pitch, turn = 2 * jnp.pi / rig["n"], jnp.mod(angle, 2 * jnp.pi)
+    gap = jnp.floor(turn / pitch)
+    here = (gap == e["roller"]) & (turn - gap * pitch < rig["eta"] * pitch)
+    return bare * (1 + e["severity"] * here) + e["runout"] * jnp.cos(angle - e["runout_phase"])
 
 
 def surface(Q, rig, e):

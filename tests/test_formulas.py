@@ -67,6 +67,11 @@ def check_damaged_roller():
             angle = jnp.asarray(turn + gap * PITCH + GAP / 4)
             expected = -0.5 * DEPTH if gap == 2 else 0.0
             assert float(law(angle, GAPS)) == pytest.approx(expected, abs=1e-14)
+    wave = laws.DamagedRoller(jnp.asarray(2.0), jnp.asarray(0.5), laws.ContinuousSine())
+    for inside in (0.1, 0.9, 1.1, 1.6):  # a profile that goes on behind the gap is as it was there
+        angle = jnp.asarray(2 * PITCH + inside * GAP)
+        expected = 0.5 * float(wave.profile(angle, GAPS)) * (inside < 1)
+        assert float(wave(angle, GAPS)) == pytest.approx(expected, abs=1e-14)
 
 
 def check_relaxation():

@@ -13,7 +13,7 @@ from machines import SKEW, machine
 from omnijax._errors import DataWarning, InputError
 from omnijax._status import Status
 from omnijax.dynamics import held, held_directions, hold_obstacle
-from omnijax.simulation import propagate, simulate, speeds, steady_state
+from omnijax.simulation import propagate, simulate, speeds, steady_state, torques
 from omnijax.study import sweep
 from omnijax.study._evaluation import Evaluation
 from omnijax.vibration import steady_metrics
@@ -163,3 +163,28 @@ def test_speeds_beyond_all_measure_are_refused(given):
     ):
         with pytest.raises(InputError, match=told):
             ask()
+
+
+AROUND = np.array([0.3, 2.2, 4.9])
+ACROSS = np.stack([-np.sin(AROUND), np.cos(AROUND), 0 * AROUND], 1) * np.sin([[0.4], [-0.9], [1.1]])
+IN_A_PLANE = (
+    np.stack([np.cos(AROUND), np.sin(AROUND), 0 * AROUND], 1),
+    ACROSS + np.cos([[0.4], [-0.9], [1.1]]) * np.eye(3)[2],
+)
+OPPOSED = np.eye(3)[[0, 0]] * [[1], [-1]], np.eye(3)[[2, 2]]
+
+
+@pytest.mark.filterwarnings("ignore:(the wheels do not hold|no wheel drives|The speeds)")
+@pytest.mark.parametrize(
+    "layout, turning", [(IN_A_PLANE, [1.3] * 3), (OPPOSED, [1.3, -1.3])], ids=["plane", "opposed"]
+)
+def test_runs_of_what_nothing_holds_are_the_same_on_every_path(layout, turning):
+    """Three wheels around the equator, or two opposite each other: every run was non-finite."""
+    rig, ts = machine(layout), jnp.linspace(0, 0.1, 6)
+    exact = propagate(rig, speeds(turning), ts)
+    stepped = simulate(rig, speeds(turning), ts, solver="dopri8", rtol=1e-10)
+    driven = simulate(rig, torques(0.01 * np.ones(rig.size)), ts)
+    assert exact.ok and stepped.ok and driven.ok
+    size = np.abs(exact.dR).max()
+    assert size > 1e-6
+    np.testing.assert_allclose(stepped.dR, exact.dR, atol=1e-7 * size)

@@ -17,7 +17,7 @@ from omnijax.dynamics import (
     PortInputs,
     fitting_speeds,
     flatten,
-    free_directions,
+    free_projector,
     free_system,
     held,
     held_directions,
@@ -64,11 +64,14 @@ def check_hold():
 
 
 def check_free_directions():
-    """Across the normals of two wheels; two directions across the one of a single wheel."""
-    near(free_directions(with_normals([[1, 0, 0], [0.6, 0.8, 0]])), [[0, 0, 1]])
-    expected = np.array([[0, 0.8, -0.48], [-0.8704, 0.1728, 0.288]]) / np.sqrt(0.8704)
-    near(free_directions(with_normals([[0.36, 0.48, 0.8]])), expected)
-    assert free_directions(with_normals(np.eye(3))).shape == (0, 3)
+    """Across the plane of the normals, however many; both directions across parallel ones."""
+    up, tilted = np.diag([0.0, 0.0, 1.0]), np.array([0.36, 0.48, 0.8])
+    plane = [[1, 0, 0], [0.6, 0.8, 0], [0, -1, 0], [-0.8, 0.6, 0]]
+    near(free_projector(with_normals(plane[:2])), up)
+    near(free_projector(with_normals(plane)), up)
+    for normals in ([tilted], [tilted, -tilted], [tilted] * 4):
+        near(free_projector(with_normals(normals)), np.eye(3) - np.outer(tilted, tilted))
+    near(free_projector(with_normals(np.eye(3))), np.zeros((3, 3)))
 
 
 def check_mobility():

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from machines import ANY_SPEEDS, SKEW, drawn_machine, machine
 from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 from seeds import drawn_anew
 
 from omnijax import InputError, laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
-from omnijax.simulation import propagate, ramp, simulate, speeds, torques
+from omnijax.simulation import propagate, ramp, simulate, speeds, table, torques
 from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._exact.forcing import wheel_pieces
 from omnijax.simulation._exact.system import exact_obstacle
@@ -219,3 +220,34 @@ def test_a_sweep_of_wheels_that_turn_backwards_sees_what_a_run_sees():
     run = evaluate(simulate(rig, drive, 0.1), rig, names)
     for name in names:
         assert float(swept.to_xarray()[name][0]) == pytest.approx(float(run[name]), rel=1e-6)
+
+
+def test_a_run_at_late_times_is_that_at_early_ones():
+    """Before a jump at a late time the speed behind it was read, and gaps went unseen."""
+    rng = drawn_anew("late times")
+    rig, fast = drawn_machine(rng, 3), rng.uniform(40, 90, 3)
+    late = float(rng.uniform(2e4, 1e5))
+
+    def run(begin):
+        drive = speeds(
+            table(
+                begin + np.array([0.0, 0.3, 0.3, 1.0]),
+                np.stack([0 * fast, fast, 0 * fast, 0 * fast]),
+            )
+        )
+        return propagate(rig, drive, begin + np.linspace(0, 0.5, 101))
+
+    assert _distance(run(late), run(0.0)) < 1e-6  # a late time is known to some 1e-11 s
+
+
+def test_a_run_of_many_periods_turns_on():
+    """Above 2^24 gaps their number was cut off."""
+    rng = drawn_anew("many periods")
+    rig, speed = machine(SKEW, profile=laws.HalfSine()), rng.uniform(300, 900)
+    many = round(2.0 ** rng.uniform(18, 20))
+    hundred = 100 * 2 * np.pi / float(rig.wheels.rollers[0]) / speed
+    ts = jnp.asarray([0.0, hundred, many * hundred])
+    run = propagate(rig, speeds([speed, 0.0, 0.0]), ts)
+    _, once, often = Rotation.from_quat(np.asarray(run.attitude), scalar_first=True)
+    expected = Rotation.from_rotvec(many * once.as_rotvec())  # about one axis all the time
+    assert (often * expected.inv()).magnitude() < 1e-3

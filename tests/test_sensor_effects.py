@@ -7,7 +7,7 @@ from formulas import sensor
 from seeds import drawn_anew
 from test_formulas import applied, made
 
-from omnijax.laws._measurement import delayed
+from omnijax.laws._measurement import delayed, low_passed
 
 STATIC = {  # law: (parameters at random, what it shows of y at t)
     "sensor-gain": (lambda r: {"g": r.uniform(-0.5, 0.5)}, lambda p, t, y: (1 + p["g"]) * y),
@@ -99,3 +99,31 @@ def test_a_delay_reads_a_parabola_to_the_last_sample():
     read = np.asarray(delayed(jnp.asarray(t), jnp.asarray(values), late))
     at = (t - late)[:, None]
     np.testing.assert_allclose(read[5:], (a + b * at + c * at**2)[5:], rtol=1e-9, atol=1e-9)
+
+
+def test_a_delay_between_uneven_samples_is_that_between_even_ones():
+    """Slopes were those of even steps: a straight line came out bent."""
+    rng = drawn_anew("uneven delay")
+    t = np.concatenate([[0.0], np.cumsum(rng.choice([0.002, 0.01, 0.02], 80))])
+    delay, powers = rng.uniform(0.005, 0.03), rng.normal(size=(3, 2))
+    behind = t >= t[1] + delay  # the first step begins flat, as before the run
+    for count in (1, 2, 3):  # up to a parabola
+        values = np.polynomial.polynomial.polyval(t, powers[:count]).T.reshape(len(t), -1)
+        late = np.polynomial.polynomial.polyval(t - delay, powers[:count]).T.reshape(len(t), -1)
+        np.testing.assert_allclose(
+            delayed(jnp.asarray(t), jnp.asarray(values), delay)[behind], late[behind], atol=1e-12
+        )
+
+
+def test_two_samples_at_one_time_are_read():
+    """A lag of them was not a number, from there on."""
+    rng = drawn_anew("one time")
+    t, y = jnp.asarray([0.0, 0.01, 0.01, 0.02, 0.03]), rng.normal(size=(5, 2))
+    once = np.array([0, 2, 3, 4])
+    lagged = np.asarray(low_passed(t, jnp.asarray(y), 0.02))
+    assert np.isfinite(lagged).all() and np.isfinite(delayed(t, jnp.asarray(y), 0.004)).all()
+    step, level = y.copy(), y[:1]
+    step[:3] = level  # no jump at that time: as if it were one sample
+    lagged = np.asarray(low_passed(t, jnp.asarray(step), 0.02))
+    alone = np.asarray(low_passed(t[once], jnp.asarray(step[once]), 0.02))
+    np.testing.assert_allclose(lagged[once], alone, rtol=1e-12)

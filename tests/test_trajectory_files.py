@@ -23,11 +23,12 @@ from omnijax import (
     read_recording,
     simulate,
     speeds,
+    torques,
 )
 from omnijax._errors import DataWarning
 from omnijax._netcdf import load_netcdf
 from omnijax.cli._simulate_run import perform, planned
-from omnijax.simulation import to_recording
+from omnijax.simulation import ramp, table, to_recording
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +171,38 @@ def test_a_recording_drives_the_machine_through_the_same_run():
         size = np.ptp(recording.group(group), axis=0).max()
         error = np.abs(getattr(again, group) - recording.group(group)[:few]).max()
         assert error < 1e-6 * size
+
+
+def test_the_torques_of_prescribed_speeds_drive_the_machine_at_these_speeds(rig):
+    """They were those of a machine without friction in its bearings, nor motors off their gain."""
+    rng = drawn_anew("torques of prescribed speeds")
+
+    def drawn(id, *places, **low_and_high):
+        values = {k: jnp.asarray(rng.uniform(*v)) for k, v in low_and_high.items()}
+        return laws.EFFECTS[id](**values), str(rng.choice(places))
+
+    ends, after = rng.uniform(-4, 4, (2, 3))
+    drive = speeds(ramp(0.0, 0.5, ends, after), initial_angle=rng.uniform(0, 6, 3))
+    ts = np.linspace(0, 0.5, 2001)
+    wheels = (*rig.names, "all")
+    for effects in (
+        [drawn("bearing-viscous", *wheels, b=(0.01, 0.05)),
+         drawn("bearing-coulomb", *wheels, torque=(0.05, 0.2))],
+        [drawn("motor-gain", *wheels, g=(-0.3, 0.3)),
+         drawn("load-friction", *wheels, mu=(0.1, 0.4))],
+        [drawn("current-ripple", *rig.names, g=(0.1, 0.4), order=(1, 9), phase=(0, 6)),
+         drawn("torque-offset", *rig.names, torque=(-0.1, 0.1)),
+         drawn("rolling-resistance", "all", arm=(1e-4, 1e-3))],
+    ):  # fmt: skip
+        made = rig
+        for law, place in effects:
+            made = made.add(law, place)
+        run = simulate(made, drive, ts)
+        begin = {"initial_angle": run.theta[0], "initial_velocity": run.Omega[0]}
+        again = simulate(made, torques(table(ts, run.torque), **begin), ts)
+        plain = simulate(rig, torques(table(ts, run.torque), **begin), ts)
+        off, without = (np.abs(x.omega - run.omega).max() for x in (again, plain))
+        assert off < 1e-2 and without > 30 * off, (effects, off, without)
 
 
 def test_a_run_that_begins_rolling_says_so(run):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ._field import StepAverage as StepAverage
     from ._field import floor as floor
     from ._field import instant as instant
+    from ._field import motor_torque as motor_torque
     from ._field import port_forces as port_forces
     from ._field import prescribed_instant as prescribed_instant
     from ._field import speed_driven as speed_driven
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from ._forces import rolling_torques as rolling_torques
     from ._forces import shaft_torques as shaft_torques
     from ._forces import torques as torques
-    from ._hold import free_directions as free_directions
+    from ._hold import free_projector as free_projector
     from ._hold import held as held
     from ._hold import held_directions as held_directions
     from ._hold import hold_obstacle as hold_obstacle

@@ -227,6 +227,45 @@ def _instant(
     return now, rates, turning.memory_rates
 
 
+_INVERTED, _FLAT = 8, 0.1  # Newton's steps; below this slope the shaft hardly feels the command
+
+
+def motor_torque(
+    rig: Rig, now: "Instant", angle, omega, attitude: Float[Array, "4"]
+) -> Float[Array, " n"]:
+    """Commands (n) in N m under which the shafts feel what they do at an instant.
+
+    The laws at actuators, shafts and contact patches, taken back for one moment by Newton's method;
+    those with memory, and delays of the command, are left out.  Beyond a motor's limit it is what
+    the motor lacks, added once a step.
+    """
+    every = TurningLaws.of(rig)
+    laws = every._replace(
+        actuator=_forgetful(rig, every.actuator), shaft=_forgetful(rig, every.shaft)
+    )
+    if not (laws.actuator or laws.shaft or laws.rolling):
+        return now.shaft_torque
+    axes, rotation = spin_axes(rig, angle), rotation_matrix(attitude)
+
+    def on_shafts(command):
+        at = RotationMoment(
+            axes, rotation, omega, angle, now.speed, command, command, now.normal_force
+        )
+        return torques(rig, laws, at, laws.rest(rig.size))[1].shaft
+
+    def closer(command, _):
+        felt, slope = jax.jvp(on_shafts, (command,), (jnp.ones(rig.size),))
+        slope = jnp.where(slope > _FLAT, slope, 1.0)
+        return command + (now.shaft_torque - felt) / slope, None
+
+    return jax.lax.scan(closer, now.shaft_torque, length=_INVERTED)[0]
+
+
+def _forgetful(rig: Rig, laws):
+    """The laws without memory."""
+    return tuple(law for law in laws if not jax.tree.leaves(law.rest(rig.size)))
+
+
 def instant(model: Model, state: State, inputs: Inputs) -> Instant:
     """What acts on the machine at one instant of a torque-driven run."""
     geometry = rolling_under(model.rig, state.angle, state.angular_velocity)

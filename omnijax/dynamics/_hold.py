@@ -40,17 +40,19 @@ def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     return None if model != "coupled" or _span(np.asarray(rig.wheels.normal), np) else NOT_HELD
 
 
-def free_directions(rig: Rig) -> Float[Array, "k 3"]:
-    """Unit directions in which one or two wheels leave the sphere free, as rows; none for more."""
+def free_projector(rig: Rig) -> Float[Array, "3 3"]:
+    """The projector onto the directions in which no wheel holds the sphere; zero where `held`.
+
+    With S = sum r_i r_i^T it is adj S over its trace where the normals span a plane, and else
+    1 - S over its trace; adj S is the sum of (r_i x r_k) (r_i x r_k)^T over pairs (Cauchy, Binet).
+    """
     r = rig.wheels.normal
-    if rig.size > 2:
-        return jnp.zeros((0, 3))
-    if rig.size == 2:
-        across = jnp.cross(r[0], r[1])
-        return (across / jnp.sqrt(across @ across))[None]
-    aside = jnp.cross(r[0], jnp.eye(3)[jnp.argmin(jnp.abs(r[0]))])
-    aside = aside / jnp.sqrt(aside @ aside)
-    return jnp.stack([aside, jnp.cross(r[0], aside)])
+    areas = jnp.cross(r[:, None], r[None])
+    pairs = jnp.sum(areas**2)
+    plane = pairs / 2 > PARALLEL
+    across = jnp.einsum("ika,ikb->ab", areas, areas) / jnp.where(plane, pairs, 1.0)
+    aside = jnp.eye(3) - r.T @ r / jnp.sum(r**2)
+    return jnp.where(_span(r, jnp), 0.0, jnp.where(plane, across, aside))
 
 
 def held_directions(rig: Rig) -> int:

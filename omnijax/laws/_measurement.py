@@ -186,27 +186,40 @@ class EncoderEccentricity(AbstractSensor):
 
 
 def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Float[Array, "t c"]:
-    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before them.
+    """`values` at `time - delay`: cubic between samples, the first sample before them.
 
-    Behind the last one they go on as the parabola through the last three.
+    Its slope at a sample is that of the parabola through the sample and its neighbours, at the last
+    one through the last three: Catmull-Rom where the steps are even.  Of two samples at one time
+    neither feels the other.
     """
     at = time - delay
     i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    step = time[i + 1] - time[i]
-    u = jnp.clip((at - time[i]) / step, 0.0, 1.0)[:, None]
-    last = len(time) - 1
-    p0, p1 = values[jnp.clip(i - 1, 0, last)], values[i]
-    p2, p3 = values[i + 1], values[jnp.clip(i + 2, 0, last)]
-    p3 = jnp.where((i + 2 > last)[:, None], 3 * (p2 - p1) + p0, p3)
-    tangent, next_tangent = (p2 - p0) / 2, (p3 - p1) / 2
-    cubic = u * u * (3 - 2 * u) * (p2 - p1) + u * (1 - u) ** 2 * tangent
-    return p1 + cubic - u * u * (1 - u) * next_tangent
+    last = len(time) - 2
+    steps = jnp.diff(time)
+    slopes = jnp.diff(values, axis=0) / jnp.where(steps > 0, steps, 1.0)[:, None]
+
+    def piece(k):
+        k = jnp.clip(k, 0, last)
+        return steps[k][:, None], slopes[k]
+
+    (h0, d0), (h1, d1), (h2, d2) = piece(i - 1), piece(i), piece(i + 1)
+    d0 = jnp.where((i == 0)[:, None], 0.0, d0)
+    before = jnp.where(h0 > 0, h0 + h1, 1.0)
+    tangent = jnp.where(h0 > 0, (h1 * d0 + h0 * d1) / before, d1)
+    ahead = jnp.where(h2 > 0, (h2 * d1 + h1 * d2) / jnp.where(h2 > 0, h1 + h2, 1.0), d1)
+    end = jnp.where(h0 > 0, d1 + h1 * (d1 - d0) / before, d1)
+    ahead = jnp.where((i == last)[:, None], end, ahead)
+    since = jnp.clip(at - time[i], 0.0, steps[i])[:, None]
+    u = since / jnp.where(h1 > 0, h1, 1.0)
+    cubic = u * (3 - 2 * u) * d1 + (1 - u) ** 2 * tangent - u * (1 - u) * ahead
+    return values[i] + since * cubic
 
 
 def low_passed(time: Float[Array, " t"], values: Float[Array, "t c"], tau) -> Float[Array, "t c"]:
     """`values` behind a first-order low pass: exact where they are linear between samples."""
     step = jnp.diff(time)[:, None] / tau
-    kept, share = jnp.exp(-step), -jnp.expm1(-step) / step
+    share = jnp.where(step > 0, -jnp.expm1(-step) / jnp.where(step > 0, step, 1.0), 1.0)
+    kept = jnp.exp(-step)
     # y' = kept y + (share - kept) x + (1 - share) x', x and x' the samples before and after
     gained = (share - kept) * values[:-1] + (1 - share) * values[1:]
 

@@ -72,7 +72,8 @@ class DamagedRoller(AbstractShape):
         if self.profile is None:
             raise ValueError("`damaged-roller` needs the profile of the wheel it is placed at.")
         turn = jnp.mod(angle, 2 * math.pi)
-        here = jnp.floor(turn / gap.pitch) == jnp.round(self.roller)
+        number = jnp.floor(turn / gap.pitch)
+        here = (number == jnp.round(self.roller)) & (turn - number * gap.pitch < gap.width)
         return jnp.where(here, self.severity * self.profile(angle, gap), 0.0)
 
 

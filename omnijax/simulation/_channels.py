@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from .._status import Status
-from ..dynamics import Inputs, Model, State, instant, prescribed_instant
+from ..dynamics import Inputs, Model, State, instant, motor_torque, prescribed_instant
 from ._commands import torque_inputs
 from ._drives import SpeedDrive
 from ._trajectory import Trajectory
@@ -42,7 +42,7 @@ def sample(model: Model, drive, start, t, state: State) -> dict[str, jax.Array]:
         now, _, omega = prescribed_instant(
             model, state, inputs, drive.speed(t), drive.speed.rate(t)
         )
-        command = now.shaft_torque
+        command = motor_torque(rig, now, state.angle, omega, state.attitude)
     else:
         command, omega = drive.torque(t), state.angular_velocity
         now = instant(model, state, torque_inputs(rig, drive, t, start))

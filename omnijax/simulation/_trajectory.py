@@ -19,8 +19,11 @@ class Trajectory(AbstractRun):
     `attitude` (t, 4), the sphere's quaternion.
     Of the wheels (t, n): `theta` in rad, `omega` in rad/s, `shape`, `deflection`,
     `mount_deflection` in m, `deflection_rate` and `mount_rate` in m/s, `normal_force`,
-    `drive_force`, `slip_margin` in N, `shaft_torque` and `torque` in N m.  `force` (t, 3) on the
-    platform in N.
+    `drive_force`, `slip_margin` in N, `shaft_torque`, with all laws, and `torque`, the motors', in
+    N m.  `force` (t, 3) on the platform in N.
+
+    At prescribed speeds `torque` is what the motors have to be told for these speeds, but for laws
+    with memory (lags) and delays of the command, which are left out.
 
     `status` is a code of `Status`; samples after the failure of a run are not finite, and
     `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact was

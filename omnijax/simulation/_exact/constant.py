@@ -32,7 +32,7 @@ from .period_map import Passages, passages, piece_maps, prefix_maps, with_terms
 from .system import ForcedSystem, balanced, forced_system, with_integrals
 
 GRID_BITS = 7  # of the forced curves' grid
-PERIODS = 24  # bits of the number of periods
+PERIODS = 48  # bits of the number of periods, of which those above the largest cost nothing
 
 
 class Response(NamedTuple):

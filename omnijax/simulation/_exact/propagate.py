@@ -174,10 +174,10 @@ def _ahead(rig: Rig, drive: SpeedDrive, ts, cuts, model: str) -> _Ahead:
     ends = [cuts, np.asarray(ts[-1:])]
     inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
     knots = np.unique(np.concatenate([inside, *ends]))
-    read = jax.vmap(drive.speed)
-    early, late = read(jnp.asarray(knots[:-1])), read(jnp.asarray(knots[1:] - 1e-12))
-    fastest = np.maximum(np.abs(np.asarray(early)), np.abs(np.asarray(late)))
-    turned = (fastest * np.diff(knots)[:, None]).max(axis=0, initial=0.0)
+    begin, lasts = jnp.asarray(knots[:-1]), np.diff(knots)[:, None]
+    early, rate = (np.asarray(jax.vmap(f)(begin)) for f in (drive.speed, drive.speed.rate))
+    fastest = np.maximum(np.abs(early), np.abs(early + rate * lasts))  # straight between knots
+    turned = (fastest * lasts).max(axis=0, initial=0.0)
     shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
     periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
     passed = sum(a / p for a, p in zip(turned, periods, strict=True))

@@ -23,6 +23,7 @@ from ...dynamics import (
     AbstractTranslation,
     PortInputs,
     check_model,
+    free_projector,
     initial_memory,
     port_forces,
     pseudoinverse,
@@ -89,6 +90,8 @@ def _shape_obstacle(rig: Rig) -> str | None:
         kind = period_kind(rig, i)
         if kind != "pitch" and any(isinstance(law, DamagedRoller) for law in laws):
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
+        if isinstance(profile, TableShape) and any(isinstance(x, DamagedRoller) for x in laws):
+            return f"a damaged roller on wheel {rig.names[i]}, whose profile is a table"
         if kind == "own" and laws and isinstance(profile, TableShape):
             return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"
         if laws and kind == "pitch" and (full := room_obstacle(rig, i)) is not None:
@@ -224,9 +227,9 @@ def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> Force
 def static_rest(rig: Rig, model: str, A, B0) -> Float[Array, "m n"]:
     """-A^-1 B0, y at static equilibrium per unit of rho: only deflections and memory are unknown.
 
-    The momenta are those of a machine in which nothing moves (`AbstractTranslation.still`).  Of
-    least size where fewer than three wheels leave the sphere free to move.  `static_start` solves
-    for the same unknowns from the formulas, where laws need not be linear and angles are known.
+    The momenta are those of a machine in which nothing moves (`AbstractTranslation.still`).  Where
+    the wheels leave the sphere free to move it stays.  `static_start` solves for the same unknowns
+    from the formulas, where laws need not be linear and angles are known.
     """
     translation, n = TRANSLATIONS[model](rig), rig.size
     state = translation.rest()
@@ -235,10 +238,10 @@ def static_rest(rig: Rig, model: str, A, B0) -> Float[Array, "m n"]:
     whole = jnp.pad(still(jnp.zeros(n)), ((0, len(A) - 2 * half), (0, 0)))
     unknown = np.r_[:half, 2 * half : len(A)]
     forces, right = A[half:], A[half:] @ whole + B0[half:]
-    loose = model == "coupled" and n < 3
     matrix = forces[:, unknown]
-    part = jnp.linalg.pinv(matrix) @ right if loose else solve_all(matrix, right)
-    return whole.at[unknown].add(-part)
+    if model == "coupled":  # approach and momentum come first
+        matrix = matrix.at[:3, :3].add(-rig.wheels.contact.stiffness[0] * free_projector(rig))
+    return whole.at[unknown].add(-solve_all(matrix, right))
 
 
 def _floor_directions(rig: Rig) -> list[Array]:

@@ -8,7 +8,7 @@ from ...dynamics import (
     Coupled,
     Model,
     PortInputs,
-    free_directions,
+    free_projector,
     initial_memory,
     port_forces,
     position_input,
@@ -19,14 +19,14 @@ def static_start(model: Model, angle, attitude):
     """Elastic state and law memories at static equilibrium with the wheels at `angle` (rad).
 
     The linear model is solved exactly; laws at contacts and mounts by Newton's method from there.
-    Where one or two wheels leave the sphere free, it stays where it is.
+    Where the wheels leave the sphere free to move it stays.
     """
     rig = model.rig
     shape = position_input(rig, angle, attitude)
     rest = model.translation.rest()
     memory = initial_memory(rig)
     start, unravel = ravel_pytree((rest.approach, rest.mount, memory))
-    free = free_directions(rig)
+    free = free_projector(rig)
 
     def imbalance(unknown, laws=True):
         approach, mount, memory = unravel(unknown)
@@ -39,8 +39,8 @@ def static_start(model: Model, angle, attitude):
             inputs = inputs._replace(contact=contact, mount=tension)
         rate = model.translation.rate(state, inputs)
         momentum = rate.momentum
-        if len(free) and isinstance(model.translation, Coupled):  # of no force along `free`
-            momentum = momentum - rig.wheels.contact.stiffness[0] * free.T @ (free @ approach)
+        if isinstance(model.translation, Coupled):  # of no force along free directions
+            momentum = momentum - rig.wheels.contact.stiffness[0] * free @ approach
         return ravel_pytree((momentum, rate.wheel_momentum, rates))[0]
 
     if not (rig.at("contact") or rig.at("mount") or rig.at("separation")):
