@@ -181,28 +181,27 @@ def test_the_torques_of_prescribed_speeds_drive_the_machine_at_these_speeds(rig)
         values = {k: jnp.asarray(rng.uniform(*v)) for k, v in low_and_high.items()}
         return laws.EFFECTS[id](**values), str(rng.choice(places))
 
+    wheels, made = (*rig.names, "all"), rig
+    for law, place in [
+        drawn("bearing-viscous", *wheels, b=(0.01, 0.05)),
+        drawn("bearing-coulomb", *wheels, torque=(0.05, 0.2)),
+        drawn("motor-gain", *wheels, g=(-0.3, 0.3)),
+        drawn("load-friction", *wheels, mu=(0.1, 0.4)),
+        drawn("current-ripple", *rig.names, g=(0.1, 0.4), order=(1, 9), phase=(0, 6)),
+        drawn("rolling-resistance", "all", arm=(1e-4, 1e-3)),
+    ]:
+        made = made.add(law, place)
     ends, after = rng.uniform(-4, 4, (2, 3))
-    drive = speeds(ramp(0.0, 0.5, ends, after), initial_angle=rng.uniform(0, 6, 3))
-    ts = np.linspace(0, 0.5, 2001)
-    wheels = (*rig.names, "all")
-    for effects in (
-        [drawn("bearing-viscous", *wheels, b=(0.01, 0.05)),
-         drawn("bearing-coulomb", *wheels, torque=(0.05, 0.2))],
-        [drawn("motor-gain", *wheels, g=(-0.3, 0.3)),
-         drawn("load-friction", *wheels, mu=(0.1, 0.4))],
-        [drawn("current-ripple", *rig.names, g=(0.1, 0.4), order=(1, 9), phase=(0, 6)),
-         drawn("torque-offset", *rig.names, torque=(-0.1, 0.1)),
-         drawn("rolling-resistance", "all", arm=(1e-4, 1e-3))],
-    ):  # fmt: skip
-        made = rig
-        for law, place in effects:
-            made = made.add(law, place)
-        run = simulate(made, drive, ts)
-        begin = {"initial_angle": run.theta[0], "initial_velocity": run.Omega[0]}
-        again = simulate(made, torques(table(ts, run.torque), **begin), ts)
-        plain = simulate(rig, torques(table(ts, run.torque), **begin), ts)
-        off, without = (np.abs(x.omega - run.omega).max() for x in (again, plain))
-        assert off < 1e-2 and without > 30 * off, (effects, off, without)
+    ts = np.linspace(0, 0.2, 801)
+    drive = speeds(ramp(0.0, 0.2, ends, after), initial_angle=rng.uniform(0, 6, 3))
+    run = simulate(made, drive, ts)
+    again = simulate(
+        made,
+        torques(table(ts, run.torque), initial_angle=run.theta[0], initial_velocity=run.Omega[0]),
+        ts,
+    )
+    assert np.abs(again.omega - run.omega).max() < 1e-2
+    assert np.abs(run.torque - run.shaft_torque).max() > 0.05
 
 
 def test_a_run_that_begins_rolling_says_so(run):
