@@ -242,6 +242,7 @@ def proposal(*rivals):
     return next_run(model, [Point(np.zeros(0), (Effect(i, "axis", {"b": b}),)) for i, b in rivals])
 
 
+@pytest.mark.full
 def test_an_input_under_which_a_rival_runs_away_is_made_smaller_or_not_proposed():
     """It counted as 0 apart, or those left were compared without a word."""
     held = proposal(("whirls", -1e-6), ("bearing-viscous", 0.01))

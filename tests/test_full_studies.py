@@ -71,6 +71,7 @@ def test_fixed_steps_are_halved_until_that_changes_little():
     assert fine_enough(lambda x, n: np.where(n == 1, np.nan, x), designs, 8e-3)[0] == 2
 
 
+@pytest.mark.full
 def test_a_design_of_a_nonlinear_rig_under_torques(engine):
     """Pressures are limited half way between their least and their greatest over the range."""
     shares = np.linspace(0.01, 0.99, 16)[:, None]

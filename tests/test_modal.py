@@ -148,7 +148,8 @@ def test_peaks_of_few_samples_are_those_of_propagated_runs(name):
             np.testing.assert_allclose(peaks[i], list(expected.values()), rtol=1e-9, atol=1e-15)
 
 
-@pytest.mark.parametrize("gradient", tiered([False, True], bool))
+@pytest.mark.full
+@pytest.mark.parametrize("gradient", [False, True])
 def test_the_way_of_accelerators_gives_the_figures_of_a_cpu(gradient, monkeypatch):
     """Poles in step, one group of all designs, barriers in place of branches, wider batches."""
     rng = drawn_anew("accelerator")
@@ -332,6 +333,7 @@ def test_figures_and_gradients_where_poles_meet():
         assert np.median(sizes[..., 1], axis=0).max() < least, sizes
 
 
+@pytest.mark.full
 def test_runs_where_poles_meet_are_those_gathered_on_the_way():
     """RMS, peak and slopes, in a batch with designs whose poles do not meet."""
     rng = drawn_anew("damping at which poles meet")

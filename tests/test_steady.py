@@ -166,6 +166,7 @@ def test_runout_and_damage_count_over_the_whole_turn():
     assert 1 + 1.5 / 14 < grown < 1 + 3.0 / 14  # one gap in 14 has (1.8)^2 = 3.24 times the power
 
 
+@pytest.mark.full
 def test_weighted_acceleration_counts_every_harmonic_of_a_slow_turn():
     """Against one whole turn of a run: 64 harmonics of it end at 20 Hz, 25 % too little."""
     runout = laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.3))

@@ -70,9 +70,8 @@ def test_gradients_are_the_slopes_between_designs(name):
     assert np.all(error < [[1e-7], [1e-5]]), error
 
 
-@pytest.mark.parametrize(
-    "names", [pytest.param(("rms",), id="rms"), pytest.param(BOTH, marks=pytest.mark.full)]
-)
+@pytest.mark.full
+@pytest.mark.parametrize("names", [("rms",), BOTH], ids=["rms", "both"])
 def test_figures_and_gradients_where_poles_meet(names):
     """Critical damping of drawn rigs and distances down to none from it."""
     rng = drawn_anew("damping at which poles meet")
@@ -103,8 +102,9 @@ def test_wheels_whose_profiles_have_no_edges():
     np.testing.assert_allclose(found.slopes[0] @ along, rise, rtol=1e-5)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
-    "layout", [pytest.param(cone, id="two"), pytest.param(ORTHOGONAL, marks=pytest.mark.full)]
+    "layout", [pytest.param(cone, id="two"), pytest.param(ORTHOGONAL, id="orthogonal")]
 )
 def test_metrics_are_those_of_each_design(layout):
     """Values and slopes of some of the table, against those one by one."""
