@@ -62,7 +62,8 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
     faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
     faults += unwrap(path.name, values, time, run.rows)
     _check_inputs(path.name, run)
-    faults += mend_inputs(path.name, values, time, run.rows)
+    run.lost, input_faults = mend_inputs(path.name, values, time, run.rows)
+    faults += input_faults
     if rig is not None:
         mend_units(run, rig, set(sidecar.units))
     if not run.groups:

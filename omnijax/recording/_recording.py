@@ -38,7 +38,8 @@ class Recording:
     `time` (t,) in s; `channels` by column name, each (t,) in SI: dR in m, theta in rad, Omega in
     rad/s, a in m/s^2, torque in N m, force in N.  `noise` is the declared 1-sigma by column or
     group in the same units, `rows` (t,) the row of the file (from 1 below the header) of each
-    sample (0 where `filled` made it), `faults` everything found wrong.
+    sample (0 where `filled` made it), `faults` everything found wrong.  `lost` (t,) says where an
+    input was not measured for longer than a straight line bridges: what stands there is invented.
     """
 
     name: str
@@ -51,10 +52,13 @@ class Recording:
     rig_path: Path | None = None
     faults: list[Fault] = dataclasses.field(default_factory=list)
     rows: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, int))
+    lost: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self):
         if len(self.rows) != len(self.time):
             self.rows = np.arange(1, len(self.time) + 1)
+        if len(self.lost) != len(self.time):
+            self.lost = np.zeros(len(self.time), bool)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -125,9 +129,9 @@ class Recording:
             values[column][index] = old
             if group_of(column) in INPUTS:
                 values[column] = np.interp(time, self.time, old)
-        rows = np.zeros(len(time), int)
-        rows[index] = self.rows
-        return dataclasses.replace(self, time=time, channels=values, rows=rows)
+        rows, lost = np.zeros(len(time), int), np.ones(len(time), bool)
+        rows[index], lost[index] = self.rows, self.lost
+        return dataclasses.replace(self, time=time, channels=values, rows=rows, lost=lost)
 
     def __repr__(self) -> str:
         faults = f", {len(self.faults)} faults" if self.faults else ""

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from scipy.interpolate import make_lsq_spline
+from scipy.ndimage import maximum_filter1d
 
 from .._errors import InputError
 from ._columns import INPUTS, group_of
@@ -30,6 +31,7 @@ def thinned(run: Recording, every: int) -> Recording:
             "allowed."
         )
     grid = run.step * np.arange(place[kept[-1]] + 1)
+    lost = np.interp(grid, since, run.lost) > 0
     knots = grid[::every]
     knots = np.concatenate([knots[:1], knots, knots[-1:]])
 
@@ -44,6 +46,7 @@ def thinned(run: Recording, every: int) -> Recording:
     return dataclasses.replace(
         _part(run, kept, Fault(run.path.name, "", (), "thinned", what, use)),
         channels={name: column(name, values) for name, values in run.channels.items()},
+        lost=maximum_filter1d(lost, 2 * every - 1)[place[kept]],  # of the inputs between them too
     )
 
 
@@ -67,6 +70,7 @@ def first(run: Recording, seconds: float) -> Recording:
 def _part(run: Recording, kept: np.ndarray, said: Fault) -> Recording:
     """The samples `kept` of a run, and what is to be said of it."""
     return dataclasses.replace(
-        run, time=run.time[kept], rows=run.rows[kept], faults=[*run.faults, said],
+        run, time=run.time[kept], rows=run.rows[kept], lost=run.lost[kept],
         channels={name: values[kept] for name, values in run.channels.items()},
+        faults=[*run.faults, said],
     )  # fmt: skip

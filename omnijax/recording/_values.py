@@ -18,9 +18,14 @@ def clean(file: str, channels: dict[str, np.ndarray], rows: np.ndarray, noise_fr
     return faults
 
 
-def mend_inputs(file: str, channels: dict[str, np.ndarray], time, rows) -> list[Fault]:
-    """Bridge missing inputs by straight lines; outputs during a long one are of no use."""
-    faults = []
+def mend_inputs(
+    file: str, channels: dict[str, np.ndarray], time, rows
+) -> tuple[np.ndarray, list[Fault]]:
+    """Bridge missing inputs by straight lines; outputs during a long one are of no use.
+
+    Where an input is lost for long (t,), and what is said of it.
+    """
+    faults, ever = [], np.zeros(len(time), bool)
     for column, values in channels.items():
         gone = ~np.isfinite(values)
         if group_of(column) not in INPUTS or not gone.any():
@@ -31,6 +36,7 @@ def mend_inputs(file: str, channels: dict[str, np.ndarray], time, rows) -> list[
             if b - a >= BRIDGE:
                 lost[a - 1 : b] = True
         use = "a straight line bridges them"
+        ever |= lost
         if lost.any():
             use += " and the outputs of the longer stretches are not used"
             for other, output in channels.items():
@@ -38,7 +44,7 @@ def mend_inputs(file: str, channels: dict[str, np.ndarray], time, rows) -> list[
                     output[lost] = np.nan
         what = f"{gone.sum()} values of an input are missing"
         faults.append(Fault(file, column, spans(gone, rows), "missing", what, use))
-    return faults
+    return ever, faults
 
 
 def _missing(file: str, channels: dict[str, np.ndarray], rows: np.ndarray) -> list[Fault]:

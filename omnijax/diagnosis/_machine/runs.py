@@ -146,6 +146,7 @@ def to_run(recording) -> Run:
         return full
 
     inputs = [gridded(recording.torque), gridded(recording.force)]
+    inputs[0][index[recording.lost]] = np.nan
     if np.isnan(inputs[1]).all():
         inputs[1][:] = 0.0
     known: np.ndarray = np.all(np.isfinite(np.concatenate(inputs, axis=1)), axis=1)
