@@ -8,12 +8,13 @@ import pytest
 from seeds import drawn_anew
 from test_plant import recorded
 
-from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._machine import to_run
+from omnijax import InputError
+from omnijax.diagnosis import Point, RigModel, diagnose
+from omnijax.diagnosis._machine import said_of_compared, to_run
 from omnijax.laws import EFFECTS
 from omnijax.recording import Recording, channels, read_case
+from omnijax.recording._grid import BRIDGE, grid_of, on_even_times
 from omnijax.recording._shorten import thinned
-from omnijax.recording._values import BRIDGE
 
 NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}
 TORQUES = channels("torque", 3)
@@ -85,3 +86,109 @@ def test_what_was_lost_stays_lost_in_parts_of_a_run(case):
     near = np.abs(run.rows[::7] - 320.5) < 20 + 6
     np.testing.assert_array_equal(less.lost, near)
     assert not dataclasses.replace(run, time=run.time[:9], channels={}).lost.any()
+
+
+def test_rounded_times_of_an_even_clock_move_no_sample(case):
+    """Steps of 3, 3 and 4 ms were a hole in ten samples: nothing was compared, and all was well."""
+    rng = drawn_anew("rounded times")
+    for rate, decimals in (
+        (300.0, 3),
+        (499.85, 3),
+        (400.0, 3),
+        (rng.uniform(100, 490), 3),
+        (128, 6),
+    ):
+        true = np.arange(int(2.3 * rate)) / rate
+        grid = grid_of(np.round(true, decimals) + round(rng.uniform(0, 99), 3))
+        assert grid.even and grid.size == len(true), rate
+        assert not grid.gaps.any()
+        assert grid.step == pytest.approx(1 / rate, rel=1e-3)
+
+    def sampled(table):
+        t = np.arange(0, table["t"][-1], 1 / 300)
+        return {c: np.interp(t, table["t"], x) for c, x in table.items()} | {"t": np.round(t, 3)}
+
+    runs = read(case, sampled)
+    assert [f.kind for f in runs[0].faults] == ["uneven sampling"]
+    assert "s apart (their times are rounded to 0.001 s)" in (runs[0].faults[0].consequence)
+    run = to_run(runs[0])
+    assert run.known.all() and run.step == pytest.approx(1 / 300, rel=1e-4)
+    np.testing.assert_array_equal(run.outputs["a"], runs[0].group("a"))
+
+
+def test_single_rows_that_are_lost_cost_no_more_than_themselves(case):
+    """One in a hundred had cost each window of Omega and theta, and four fifths of dR and a."""
+    rng, count = drawn_anew("lost rows"), len(case[1][0]["t"])
+    lost = 5 + np.flatnonzero(rng.random(count - 10) < 0.01)
+    runs = read(case, cut(lost))
+    left, model = left_of(case, runs)
+    rows, run = model.machine.rows[0], model.machine.runs[0]
+    assert run.known.all()
+    whole = np.setdiff1d(np.arange(count), lost)
+    np.testing.assert_array_equal(np.flatnonzero((rows.rotation > 0).all(axis=1)), whole)
+    np.testing.assert_array_equal(np.flatnonzero((rows.elastic > 0).all(axis=1)), whole)
+    for part, weight in zip(rows.split(left), (rows.elastic, rows.rotation), strict=True):
+        assert 0.9 < np.sqrt(np.mean(part[weight > 0] ** 2)) < 1.1
+
+
+def test_an_uneven_clock_is_made_even_and_its_noise_stays_white():
+    rng, step, count = drawn_anew("uneven clocks"), 2e-3, 4000
+    time = np.cumsum(step * (1 + 0.08 * np.abs(rng.standard_normal(count))))
+    kept = np.ones(count, bool)
+    kept[2000:2040] = False
+    time = time[kept] - time[0]
+    grid = grid_of(time)
+    assert not grid.even
+    true = grid.step * np.arange(grid.size)
+
+    def wave(t):
+        return np.stack([np.sin(2 * np.pi * f * t + f) for f in (3.0, 20.0, 45.0)], axis=1)
+
+    moved = on_even_times(grid, wave(time))
+    hole = np.isnan(moved[:, 0])
+    assert 38 <= hole.sum() <= 43
+    error = np.abs(moved - wave(true))[~hole]
+    assert np.all(np.sqrt(np.mean(error**2, axis=0)) < [1e-7, 1e-3, 0.01])
+    noise = on_even_times(grid, rng.standard_normal((len(time), 8)))[~hole]
+    assert np.mean(noise**2) == pytest.approx(1.0, abs=0.06)
+    assert abs(np.mean(noise[1:] * noise[:-1])) < 0.06
+    linear = np.stack([np.interp(true, time, x) for x in rng.standard_normal((8, len(time)))], 1)
+    assert np.mean(linear**2) < 0.75  # what had been worse
+
+
+def test_a_short_part_between_two_gaps_of_an_uneven_clock_is_not_used():
+    time = np.cumsum(np.random.default_rng(0).uniform(0.9, 1.1, 100))
+    time = np.delete(time, np.r_[40:46, 50:56])
+    moved = on_even_times(grid_of(time), np.ones((len(time), 1)))[:, 0]
+    assert np.isnan(moved).sum() in range(15, 20)
+    assert moved[np.isfinite(moved)] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_is_hardly_compared_is_said(case):
+    """Where windows of Omega and theta lie in a gap, and dR and a ring after it."""
+
+    def change(table):
+        return emptied(["a_z"], slice(0, 1000))(emptied(TORQUES, slice(600, 640))(table))
+
+    _, model = left_of(case, read(case, change))
+    first, second = said_of_compared(model.machine)
+    assert first == (
+        "run-1: compared is 84 % of the samples of dR_x, dR_y, dR_z, a_x, a_y; 17 % of the samples "
+        "of a_z; 42 % of the samples of Omega_x, Omega_y, Omega_z, theta_1, theta_2, theta_3."
+    )
+    assert second == first.replace("run-1", "run-2")
+    _, whole = left_of(case, read(case, lambda table: table))
+    assert said_of_compared(whole.machine) == []
+
+
+def test_runs_of_which_nothing_can_be_compared_are_refused(case):
+    """The answer was `none`, with upper limits."""
+
+    def change(table):
+        for first in range(0, 1200, 100):
+            table = emptied(TORQUES, slice(first + 20, first + 30))(table)
+        return table
+
+    read(case, change)
+    with pytest.raises(InputError, match="run-1: of no channel of the fitted runs can more than"):
+        diagnose(case[0])

@@ -31,7 +31,7 @@ def test_kept_outputs_are_those_measured_and_inputs_keep_their_impulse(run):
         every = int(rng.integers(2, 40))
         whole, inputs = _drawn_inputs(run, rng)
         less = thinned(whole, every)
-        np.testing.assert_array_equal(less.time, whole.time[::every])
+        np.testing.assert_allclose(less.time, whole.time[::every], 1e-12)
         assert less.step == pytest.approx(every * whole.step)
         for name, x in whole.channels.items():
             if name not in inputs:

@@ -18,6 +18,8 @@ from ._answered import answered
 from ._axis_case import machine_diagnosed
 from ._machine import (
     RigModel,
+    check_compared,
+    said_of_compared,
     to_run,
     with_roles,
     with_start_angles,
@@ -97,7 +99,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     runs = [dataclasses.replace(run, levels=levels) for run in runs]
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case, runs, by_group(noise), library, window, tell)
-    faults = [*(str(f) for f in case.all_faults), *said, *wild]
+    faults = [*(str(f) for f in case.all_faults), *said, *wild, *said_of_compared(model.machine)]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
     by_channel = mended(evidence, start, noise)
     if by_channel is not None:
@@ -145,6 +147,7 @@ def _model(case: Case, runs, noise, library, window, tell) -> tuple[RigModel, Po
     model = model_of(runs)
     start = Point(np.zeros(len(model.priors)))
     check_foretold(model, start, "train", case.rig_path)
+    check_compared(model.machine, model.splits)
     if any(len(without_encoder(run, rig.size)) for run in runs):
         for _ in range(2):  # at the stated machine, and at the calibrated one
             runs = with_start_angles(model.machine, model.rig_at(start))

@@ -407,6 +407,14 @@ class ClocksSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class ComparedSettings:
+    """How much of a run is compared."""
+
+    told: float = 0.9  # share of a channel's samples, below which it is told: required
+    least: float = 0.03  # of every channel, below which nothing can be said: required
+
+
+@dataclasses.dataclass(frozen=True)
 class DataVectorSettings:
     """The data vector: whitened residual rows, and the directions that are left out of it."""
 
@@ -888,6 +896,7 @@ class Settings:
     waves: WavesSettings = WavesSettings()
     where: WhereSettings = WhereSettings()
     clocks: ClocksSettings = ClocksSettings()
+    compared: ComparedSettings = ComparedSettings()
     data_vector: DataVectorSettings = DataVectorSettings()
     encoders: EncodersSettings = EncodersSettings()
     locate: LocateSettings = LocateSettings()

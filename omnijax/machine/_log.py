@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError, did_you_mean
-from ..recording import may_be_run, ordered_rows, read_table, stem_of, unwound
+from ..recording import may_be_run, ordered_rows, read_table, stem_of, unwound, usual_step
 from ..rig import Quantity
-from ._sample_times import evenly, first_speed, jitters, travelled, unbroken, usual_step
+from ._sample_times import evenly, first_speed, jitters, travelled, unbroken
 from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")

@@ -7,7 +7,6 @@ from .._white_noise import noise_squares
 BRIDGED = 5  # steps, of a gap that a straight line bridges; a signal bends over a longer one
 MOST = 1000  # samples by which a first speed is told
 FOLLOWED = 1.5  # times their noise that samples may be off a parabola which they follow
-NEAR = 0.5  # of the median step, within which a step is a usual one
 
 
 def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
@@ -34,15 +33,6 @@ def first_speed(position: np.ndarray, step: float) -> float:
         if samples <= 4 or np.sum(left**2) < (samples - 3) * (FOLLOWED * noise) ** 2:
             return float(told[1])
         samples = max(samples * 2 // 3, 3)
-
-
-def usual_step(steps: np.ndarray) -> float:
-    """The step of a log from all of its positive ones (n,): the mean of those near their median.
-
-    Stamps are rounded, seconds since 1970 to 0.24 us, and so is each step.
-    """
-    median = float(np.median(steps))
-    return float(np.mean(steps[np.abs(steps - median) < NEAR * median]))
 
 
 def jitters(t: np.ndarray, step: float) -> bool:

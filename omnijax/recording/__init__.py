@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ._copies import RunSamples as RunSamples
     from ._copies import stands_in as stands_in
     from ._copies import without_copies as without_copies
+    from ._grid import usual_step as usual_step
     from ._noise import NoiseFloor as NoiseFloor
     from ._noise import noise_floor as noise_floor
     from ._opening import at_first_sample as at_first_sample

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ._columns import INPUTS, OUTPUTS, channels, group_of
+from ._grid import grid_of, longer_than_bridged, on_even_times
 
 SHOWN = 3  # stretches of rows that a message lists before it says how many more there are
 
@@ -96,8 +97,8 @@ class Recording:
 
     @property
     def step(self) -> float:
-        """Sampling step in s (the median, so that gaps do not count)."""
-        return float(np.median(np.diff(self.time)))
+        """Sampling step in s: that of an even clock, else the mean of the usual ones."""
+        return grid_of(self.time).step
 
     @property
     def duration(self) -> float:
@@ -114,24 +115,26 @@ class Recording:
         return self.noise.get(column, self.noise.get(group_of(column)))
 
     def filled(self) -> "Recording":
-        """This run on a uniform grid: rows of NaN in missing stretches, inputs linear across them.
+        """This run at even times: inputs linear between samples, outputs NaN where none was taken.
 
-        Raises `ValueError` where the samples do not lie on one grid.
+        Outputs of an uneven clock are moved there (`on_even_times`); `lost` holds stretches without
+        samples too, where these are too long to be bridged.
         """
-        place = (self.time - self.time[0]) / self.step
-        index = np.rint(place).astype(int)
-        if np.abs(place - index).max() > 0.05 or np.any(np.diff(index) < 1):
-            raise ValueError(f"{self.name}: the samples do not lie on one grid of {self.step:g} s.")
-        time = self.time[0] + self.step * np.arange(index[-1] + 1)
-        values = {}
-        for column, old in self.channels.items():
-            values[column] = np.full(len(time), np.nan)
-            values[column][index] = old
-            if group_of(column) in INPUTS:
-                values[column] = np.interp(time, self.time, old)
-        rows, lost = np.zeros(len(time), int), np.ones(len(time), bool)
-        rows[index], lost[index] = self.rows, self.lost
-        return dataclasses.replace(self, time=time, channels=values, rows=rows, lost=lost)
+        grid = grid_of(self.time)
+        at, (sample, stands) = np.arange(grid.size), grid.nearest
+        outputs = [c for c in self.channels if group_of(c) not in INPUTS]
+        moved = on_even_times(
+            grid, np.reshape([self.channels[c] for c in outputs], (len(outputs), len(self))).T
+        )
+        values = dict(zip(outputs, moved.T, strict=True)) | {
+            c: np.interp(at, grid.place, x) for c, x in self.channels.items() if c not in outputs
+        }
+        return dataclasses.replace(
+            self, time=self.time[0] + grid.step * at,
+            channels={c: values[c] for c in self.channels},
+            rows=np.where(stands, self.rows[sample], 0),
+            lost=(stands & self.lost[sample]) | longer_than_bridged(~stands),
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         faults = f", {len(self.faults)} faults" if self.faults else ""

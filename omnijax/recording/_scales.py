@@ -23,7 +23,7 @@ FACTORS = {  # what a column may be in -> values in that unit over values in SI
 }
 WRONG = 50.0  # times too large or too small: beyond every effect of a real machine
 UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
-SURE = 5.0  # sigma by which a torque's factor stands out
+SURE = 5.0  # sigma by which a factor of torques or of the force stands out
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
 PIECE = 0.5  # s, over which what turned, moved or was pushed is compared
 
@@ -196,7 +196,7 @@ def _accelerations(run: Recording, rig: Any):
         yield channels("a", run.wheels), 1e3
         return
     coefficient, sigma = _slope(run, mass)
-    if abs(coefficient) > 6 * sigma and not 1 / WRONG < coefficient < WRONG and coefficient > 0:
+    if abs(coefficient) > SURE * sigma and not 1 / WRONG < coefficient < WRONG and coefficient > 0:
         group = "force" if coefficient < 1 else "a"
         if size < 20 * push / mass and group == "a":
             yield channels("force", run.wheels), 1e-3

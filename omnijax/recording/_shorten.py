@@ -22,31 +22,28 @@ def thinned(run: Recording, every: int) -> Recording:
     """
     if every == 1:
         return run
-    since = run.time - run.time[0]
-    place = np.rint(since / run.step).astype(int)
-    kept = np.flatnonzero(place % max(every, 1) == 0)
+    even = run.filled()
+    kept = np.flatnonzero((np.arange(len(even)) % max(every, 1) == 0) & (even.rows > 0))
     if every < 1 or len(kept) < 2:
         raise InputError(
-            f"{run.path.name}: one sample in {every} cannot be kept: 1 to {int(place[-1])} is "
+            f"{run.path.name}: one sample in {every} cannot be kept: 1 to {len(even) - 1} is "
             "allowed."
         )
-    grid = run.step * np.arange(place[kept[-1]] + 1)
-    lost = np.interp(grid, since, run.lost) > 0
+    grid = (even.time - even.time[0])[: kept[-1] + 1]
     knots = grid[::every]
     knots = np.concatenate([knots[:1], knots, knots[-1:]])
 
     def column(name: str, values: np.ndarray) -> np.ndarray:
         if group_of(name) not in INPUTS:
             return values[kept]
-        line = make_lsq_spline(grid, np.interp(grid, since, values), knots, k=1)
-        return line(grid[place[kept]])
+        return make_lsq_spline(grid, values[: len(grid)], knots, k=1)(grid[kept])
 
     what = f"{len(run)} samples at {1 / run.step:g} Hz"
     use = f"one in {every} is compared; the inputs between are averaged"
     return dataclasses.replace(
-        _part(run, kept, Fault(run.path.name, "", (), "thinned", what, use)),
-        channels={name: column(name, values) for name, values in run.channels.items()},
-        lost=maximum_filter1d(lost, 2 * every - 1)[place[kept]],  # of the inputs between them too
+        _part(even, kept, Fault(run.path.name, "", (), "thinned", what, use)),
+        channels={name: column(name, values) for name, values in even.channels.items()},
+        lost=maximum_filter1d(even.lost, 2 * every - 1)[kept],  # of the inputs between them too
     )
 
 

@@ -6,11 +6,10 @@ import itertools
 import numpy as np
 
 from .._errors import InputError
+from ._grid import UNEVEN, EvenTimes, grid_of
 from ._recording import Fault, spans
 
 GLITCH = 5  # rows; more than these out of order are another run, not a glitch of the clock
-LATE = 1.5  # steps; a longer one is a missing stretch
-UNEVEN = 0.05  # of a step
 
 
 def usable_rows(file: str, time: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
@@ -133,21 +132,29 @@ def _increasing(time: np.ndarray) -> np.ndarray:
 
 
 def _spacing_faults(file: str, time: np.ndarray, rows: np.ndarray) -> list[Fault]:
-    steps = np.diff(time)
-    step = float(np.median(steps))
+    steps, grid = np.diff(time), grid_of(time)
     faults = []
-    late = np.flatnonzero((steps > LATE * step) & (np.diff(rows) == 1))
+    late = np.flatnonzero(grid.gaps & (np.diff(rows) == 1))
     for k in late[:20]:
-        what = f"nothing was recorded from {time[k]:g} s to {time[k + 1]:g} s (step {step:g} s)"
+        what = (
+            f"nothing was recorded from {time[k]:g} s to {time[k + 1]:g} s (step {grid.step:g} s)"
+        )
         use = "the inputs are taken as linear across it and the outputs as unknown"
         span = ((int(rows[k]) + 1, int(rows[k + 1]) + 1),)
         faults.append(Fault(file, "t", span, "gap", what, use))
     if len(late) > 20:
         what = f"{len(late) - 20} more gaps"
         faults.append(Fault(file, "t", (), "gap", what, "treated in the same way"))
-    near = steps[steps <= LATE * step]
-    if np.abs(near - step).max() > UNEVEN * step and np.std(near) > 0.2 * UNEVEN * step:
+    near = steps[~grid.gaps]
+    if np.abs(near - grid.step).max() > UNEVEN * grid.step:
         what = f"the steps vary from {near.min():g} s to {near.max():g} s"
-        use = "spectra are taken after resampling"
-        faults.append(Fault(file, "t", (), "uneven sampling", what, use))
+        faults.append(Fault(file, "t", (), "uneven sampling", what, _even_times(grid)))
     return faults
+
+
+def _even_times(grid: EvenTimes) -> str:
+    """What a diagnosis does about uneven steps."""
+    if not grid.even:
+        return f"a diagnosis moves the samples to even times, {grid.step:g} s apart"
+    rounded = f" (their times are rounded to {grid.rounding:g} s)" if grid.rounding else ""
+    return f"the samples are taken as even, {grid.step:g} s apart{rounded}"

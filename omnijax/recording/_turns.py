@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._columns import group_of
+from ._grid import LATE
 from ._recording import Fault, spans
-from ._time import LATE
 
 TURNS = {"rad": 2 * np.pi, "deg": 360.0}  # a column without a unit may be in degrees
 FAST = 1 / 3  # of the modulus; where an angle moves on faster, its way round is not known

@@ -3,10 +3,10 @@
 import numpy as np
 
 from ._columns import INPUTS, OUTPUTS, group_of
+from ._grid import longer_than_bridged
 from ._recording import Fault, spans
 
 STUCK = 25  # equal values in a row that no live sensor gives
-BRIDGE = 5  # rows of an input that are bridged by a straight line without loss
 
 
 def clean(file: str, channels: dict[str, np.ndarray], rows: np.ndarray, noise_free) -> list[Fault]:
@@ -31,10 +31,7 @@ def mend_inputs(
         if group_of(column) not in INPUTS or not gone.any():
             continue
         values[gone] = np.interp(time[gone], time[~gone], values[~gone])
-        lost = np.zeros(len(values), bool)
-        for a, b in spans(gone):
-            if b - a >= BRIDGE:
-                lost[a - 1 : b] = True
+        lost = longer_than_bridged(gone)
         use = "a straight line bridges them"
         ever |= lost
         if lost.any():

@@ -2,6 +2,8 @@
 
 from .candidates import candidates as candidates
 from .clocks import CLOCK as CLOCK
+from .compared import check_compared as check_compared
+from .compared import said_of_compared as said_of_compared
 from .elastic import SIGNALS as SIGNALS
 from .elastic import refine as refine
 from .elastic import rest_state as rest_state

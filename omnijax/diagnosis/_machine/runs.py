@@ -135,25 +135,12 @@ def _strength(run: Run, level: Any, group: str) -> float:
 
 
 def to_run(recording) -> Run:
-    """A `Recording` as arrays: inputs interpolated over missing stretches, which are marked."""
-    step = float(np.median(np.diff(recording.time)))
-    n = round((recording.time[-1] - recording.time[0]) / step) + 1
-    index = np.round((recording.time - recording.time[0]) / step).astype(int)
-
-    def gridded(values):
-        full = np.full((n, values.shape[1]), np.nan)
-        full[index] = values
-        return full
-
-    inputs = [gridded(recording.torque), gridded(recording.force)]
-    inputs[0][index[recording.lost]] = np.nan
-    if np.isnan(inputs[1]).all():
-        inputs[1][:] = 0.0
-    known: np.ndarray = np.all(np.isfinite(np.concatenate(inputs, axis=1)), axis=1)
-    torque, force = (filled(x) for x in inputs)
-    outputs = {g: gridded(recording.group(g)) for g in recording.groups}
-    time = np.arange(n) * step
-    return Run(recording.name, recording.role, time, torque, force, outputs, known)
+    """A `Recording` as arrays at even times; where its inputs were lost is marked."""
+    even = recording.filled()
+    outputs = {g: even.group(g) for g in even.groups}
+    force = np.zeros((len(even), 3)) if np.isnan(even.force).all() else even.force
+    time = even.step * np.arange(len(even))
+    return Run(even.name, even.role, time, even.torque, force, outputs, ~even.lost)
 
 
 def filled(values: np.ndarray) -> np.ndarray:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ...recording import usual_step
 from .._axis import INPUTS
 from .._log import MEASURED
-from .._sample_times import usual_step
 from .._unit_of_channel import factor_of
 
 ALIKE = 4.0  # sizes of a goal and of what follows it, one over the other, in one unit
