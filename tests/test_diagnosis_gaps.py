@@ -192,3 +192,47 @@ def test_runs_of_which_nothing_can_be_compared_are_refused(case):
     read(case, change)
     with pytest.raises(InputError, match="run-1: of no channel of the fitted runs can more than"):
         diagnose(case[0])
+
+
+def without(*groups: str):
+    """A change: these output groups were not measured."""
+    return lambda table: {c: x for c, x in table.items() if c.split("_")[0] not in groups}
+
+
+class Reached(Exception):
+    """The diagnosis goes on to its model."""
+
+
+@pytest.mark.parametrize("role", ["train", "held-out"])
+def test_a_run_that_tells_no_motion_is_left_out_and_said(case, monkeypatch, role):
+    """It had ended the diagnosis of all the others."""
+    kept = []
+
+    def reached(case, runs, *_):
+        kept.extend(run.name for run in runs)
+        raise Reached
+
+    read(case, lambda table: table)
+    whole = read_case(case[0])
+    still = without("theta", "Omega")(whole.runs[0].channels)
+    silent = dataclasses.replace(whole.runs[0], name="silent", role=role, channels=still)
+    monkeypatch.setattr("omnijax.diagnosis._diagnose._model", reached)
+    with pytest.raises(Reached):
+        diagnose(dataclasses.replace(whole, runs=[silent, *whole.runs]))
+    assert kept == ["run-1", "run-2"]
+    with pytest.raises(InputError, match="silent: neither Omega nor theta_1, theta_2, theta_3 was"):
+        diagnose(dataclasses.replace(whole, runs=[silent, whole.runs[1]]))
+
+
+def test_a_diagnosis_is_refused_where_no_run_tells_its_motion(case):
+    read(case, without("theta", "Omega"))
+    with pytest.raises(InputError) as error:
+        diagnose(case[0])
+    assert list(error.value.problems) == [
+        "No run is left that can be used.",
+        *(
+            f"run-{k}: neither Omega nor theta_1, theta_2, theta_3 was measured, so its motion is "
+            "not known; the run is not used."
+            for k in (1, 2)
+        ),
+    ]

@@ -20,6 +20,7 @@ from ._machine import (
     RigModel,
     check_compared,
     said_of_compared,
+    that_tell_their_motion,
     to_run,
     with_roles,
     with_start_angles,
@@ -93,13 +94,20 @@ def _warn_of_lists(laws: dict[str, Any]) -> None:
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     check_room(case, library)
     unusable = [str(f) for f in case.all_faults if f.kind == "unusable"]
-    runs, confirmed_on, said = with_roles([to_run(r) for r in case.runs], unusable)
+    runs, silent = that_tell_their_motion([to_run(run) for run in case.runs])
+    runs, confirmed_on, said = with_roles(runs, [*unusable, *silent])
     noise = assumed_noise(case)
     levels = run_levels(noise, case.rig.size)
     runs = [dataclasses.replace(run, levels=levels) for run in runs]
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case, runs, by_group(noise), library, window, tell)
-    faults = [*(str(f) for f in case.all_faults), *said, *wild, *said_of_compared(model.machine)]
+    faults = [
+        *(str(f) for f in case.all_faults),
+        *silent,
+        *said,
+        *wild,
+        *said_of_compared(model.machine),
+    ]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
     by_channel = mended(evidence, start, noise)
     if by_channel is not None:

@@ -69,7 +69,7 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
     if not run.groups:
         what = "no output was measured"
         faults.append(
-            Fault(path.name, "", (), "no outputs", what, "the run serves as a drive only")
+            Fault(path.name, "", (), "no outputs", what, "a simulation can use it as a drive")
         )
     return run
 

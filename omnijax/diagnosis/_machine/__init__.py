@@ -21,6 +21,7 @@ from .motion import contact_directions as contact_directions
 from .outliers import without_outliers as without_outliers
 from .rig_model import LINES as LINES
 from .rig_model import RigModel as RigModel
+from .roles import that_tell_their_motion as that_tell_their_motion
 from .roles import with_roles as with_roles
 from .runs import FINE as FINE
 from .runs import SHAPE as SHAPE

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..._errors import InputError
 from ..._white_noise import noise_squares
 from ...rig import Rig
 from .._settings import SETTINGS
@@ -108,12 +107,6 @@ def _lengths(rig: Rig, tables: WheelTables, run: Run, angle, rolls: bool) -> np.
     length = tables.rolled(angle)
     missing = np.isnan(length).all(axis=0)
     if missing.any():
-        if "Omega" not in run.outputs:
-            raise InputError(
-                f"{run.name}: neither theta nor Omega of wheel "
-                f"{', '.join(np.array(rig.names)[missing])} was measured;"
-                " one of them is needed."
-            )
         rate = _turning(rig, run, rolls) @ np.asarray(rig.wheels.spin_axis).T
         start = np.zeros(rig.size) if run.start is None else run.start
         length[:, missing] = (integrate(rate, run.step) + tables.rolled(start[None]))[:, missing]

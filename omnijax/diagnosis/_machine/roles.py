@@ -9,8 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import InputError
+from ...recording import channels
 from .._settings import SETTINGS
 from .runs import Run
+from .start_angles import without_encoder
 
 BLOCK = SETTINGS.roles.block
 SHORTEST = SETTINGS.roles.shortest
@@ -18,12 +20,30 @@ TEACH = SETTINGS.roles.teach
 FEWEST = SETTINGS.roles.fewest
 
 
+def that_tell_their_motion(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
+    """(the runs whose motion was measured, what is to be said of the others)."""
+    said = [
+        f"{run.name}: neither Omega nor {', '.join(silent)} was measured, so its motion is not "
+        "known; the run is not used."
+        for run in runs if (silent := _silent(run))
+    ]  # fmt: skip
+    return [run for run in runs if not _silent(run)], said
+
+
+def _silent(run: Run) -> list[str]:
+    """Columns of the wheels whose motion nothing tells: neither their angle nor Omega."""
+    names = channels("theta", run.torque.shape[1])
+    return [] if "Omega" in run.outputs else [names[k] for k in without_encoder(run, len(names))]
+
+
 def with_roles(runs: list[Run], unusable: Sequence[str] = ()) -> tuple[list[Run], str, list[str]]:
     """(the runs, each of one role; on what an effect is confirmed; what is to be said of it).
 
-    Raises `InputError` where every run is held out, for a held-out run is never fitted; it says as
-    well which runs are `unusable`, and why.
+    Raises `InputError` where there is none, or every one is held out, for a held-out run is never
+    fitted; it says as well which runs are `unusable`, and why.
     """
+    if not runs:
+        raise InputError(["No run is left that can be used.", *unusable])
     held = [r for r in runs if r.role == "held-out"]
     if len(held) == len(runs):
         which = "every run that can be used" if unusable else "every run"
