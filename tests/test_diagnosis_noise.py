@@ -20,7 +20,7 @@ from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
-from omnijax.diagnosis._noise import step_of
+from omnijax.diagnosis._noise import _one, step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
 from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._search import Effect, Point, Search
@@ -155,6 +155,21 @@ def test_an_encoder_that_turns_fast_is_known_by_its_step_too():
     printed = np.array([float(f"{x:.9g}") for x in read])
     assert step_of([printed]) == pytest.approx(step, rel=1e-4)
     assert step_of([np.array([float(f"{x:.9g}") for x in angle])]) < 1e-6  # digits of a file
+
+
+def test_the_digits_of_a_file_are_no_steps_where_the_noise_is_not_known():
+    """They were its noise: a healthy machine without dR_z was `unknown`, hundreds of sigma off."""
+    rng = drawn_anew("digits")
+    digit, noise = 1e-8, 1e-8 * 10.0 ** rng.uniform(1, 3)
+    motion = 1e3 * noise * np.sin(2 * np.pi * 3 * STEP * np.arange(N))
+    written = np.round((motion + noise * rng.normal(size=N)) / digit) * digit
+    unknown = _one("dR_x", [written], np.nan, np.nan, "unknown", None)
+    assert (unknown.source, unknown.colour) == ("unknown", "")
+    assert unknown.sigma == pytest.approx(noise, rel=0.2)
+    steps = np.round(motion / (10 * noise)) * 10 * noise
+    coarse = _one("dR_x", [steps], np.nan, np.nan, "unknown", None)
+    assert (coarse.source, coarse.colour) == ("steps", "quantised")
+    assert coarse.sigma == pytest.approx(10 * noise / np.sqrt(6), rel=1e-6)
 
 
 def test_noise_that_wanders_hangs_on_no_state_and_an_order_does():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from machines import RECORDINGS
 from recordings import columns, write
+from seeds import drawn_anew
 
 from omnijax import Recording, read_case, read_recording
 from omnijax.recording import noise_floor
@@ -88,6 +89,44 @@ def test_quiet_stretches_serve_a_run_without_rest_and_busy_ones_do_not():
     assert floor.source == {"dR": "unknown"}
     assert not floor.known
     assert np.isnan(floor.group("dR"))
+
+
+def without(run, column, how):
+    """The run where a column is not in the file, or empty."""
+    if how == "empty":
+        run.channels[column][:] = np.nan
+    else:
+        del run.channels[column]
+    return run
+
+
+@pytest.mark.parametrize("how", ["absent", "empty"])
+@pytest.mark.parametrize("source", ["rest", "repeats", "quiet stretches", "short rest"])
+def test_a_column_that_was_not_measured_hides_no_noise_of_the_others(source, how):
+    """The whole group was unknown, and the digits of its file were taken for the noise."""
+    drawn = drawn_anew(f"lost column, {source}, {how}")
+    column, n = drawn.choice(["dR_x", "dR_y", "dR_z"]), 4096
+    late = {"rest": n // 2, "short rest": 200}.get(source, 0)
+    torque = np.where(np.arange(n) >= late, 1 + 0.1 * np.sin(np.arange(n)), 0.0)
+    moving = (np.arange(n) >= late) * np.linspace(20, 240, n)
+    if source == "quiet stretches":
+        moving = np.where(np.sin(2e-3 * np.arange(n)) > 0.3, 1.0, 0.0)
+    course = moving[:, None] * busy(n)
+    runs = [
+        without(run_of(course + 2e-6 * drawn.standard_normal((n, 3)), torque), column, how)
+        for _ in range(2 if source == "repeats" else 1)
+    ]
+    floor = noise_floor(runs)
+    assert floor.source == {"dR": source}
+    assert sorted(floor.sigma) == sorted({"dR_x", "dR_y", "dR_z"} - {column})
+    assert floor.group("dR") == pytest.approx(2e-6, rel=0.25)
+
+
+def test_what_every_measured_column_declares_is_declared():
+    run = run_of(2e-6 * rng.standard_normal((900, 3)), noise={"dR_x": 3e-6, "dR_y": 4e-6})
+    floor = noise_floor([without(run, "dR_z", "absent")])
+    assert floor.source == {"dR": "declared"}
+    assert floor.sigma == {"dR_x": 3e-6, "dR_y": 4e-6}
 
 
 @pytest.mark.parametrize("case", ["case-04", "case-09", "case-11"])

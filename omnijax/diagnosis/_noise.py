@@ -43,7 +43,7 @@ def assumed_noise(case: Case) -> dict[str, Assumed]:
     shown = noise_floor(runs, declared=False)
     out = {}
     for group, source in shown.source.items():
-        names = channels(group, runs[0].wheels)
+        names = [c for c in channels(group, runs[0].wheels) if c in shown.sigma]
         error = shown.error[group] * np.sqrt(len(names))
         for name in names:
             values = [r.channels[name] for r in runs if name in r.channels]
@@ -60,8 +60,7 @@ def assumed_noise(case: Case) -> dict[str, Assumed]:
 def _one(name, values, measured: float, error: float, source: str, declared) -> Assumed:
     """The assumption for one channel with `values` by run."""
     quantum = step_of(values)
-    quantised = quantum > FINEST * max(measured if np.isfinite(measured) else 0.0, declared or 0.0)
-    colour = "quantised" if quantised and quantum > 0 else ""
+    colour = "quantised" if quantum > FINEST * _beside_steps(values, measured, declared) else ""
     least = quantum / np.sqrt(12) if colour else 0.0
     if measured == 0 and not colour and declared in (None, 0.0):
         size = np.sqrt(np.mean(np.concatenate(values) ** 2))
@@ -80,6 +79,13 @@ def _one(name, values, measured: float, error: float, source: str, declared) -> 
     return Assumed(sigma, wide, how, declared, colour)
 
 
+def _beside_steps(values, measured: float, declared: float | None) -> float:
+    """The noise that steps are held against: the larger one of what is known, else a bound."""
+    if np.isfinite(measured) or declared is not None:
+        return float(np.nanmax([measured, declared or 0.0]))
+    return _rough(values)
+
+
 def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
     """Of a channel whose noise the data do not show: a declaration, the steps, or a bound."""
     if least > 0:  # a channel that rests on one step
@@ -90,10 +96,14 @@ def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
 
 
 def _upper(values: list[np.ndarray]) -> float:
-    """An upper bound of the white noise: the quieter half of differences of a high order."""
+    """An upper bound of the white noise, a share of the channel where differences show none."""
+    return _rough(values) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED) or 1.0
+
+
+def _rough(values: list[np.ndarray]) -> float:
+    """The quieter half of differences of a high order as a 1-sigma; 0 of a channel that stands."""
     squares = [noise_squares(v, ORDER) for v in values if len(v) > ORDER + 1]
-    level = np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1)) if squares else 0.0
-    return float(level) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED) or 1.0
+    return float(np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1))) if squares else 0.0
 
 
 def step_of(values: list[np.ndarray]) -> float:

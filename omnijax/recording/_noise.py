@@ -23,7 +23,7 @@ TURNED = 0.02  # rad
 
 @dataclasses.dataclass(frozen=True)
 class NoiseFloor:
-    """1-sigma of white measurement noise by column, in SI units; NaN where it cannot be known.
+    """1-sigma of white noise by measured column, in SI units; NaN where it cannot be known.
 
     `source` says by group where it is from: declared, repeats, rest, quiet stretches, short rest
     or unknown; `error` is by group the relative 1-sigma of the estimate itself, 0 for a declared
@@ -66,13 +66,13 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
     wheels = runs[0].wheels
     for group in OUTPUTS:
         measured = [run for run in runs if group in run.groups]
-        if not measured:
+        names = [c for c in channels(group, wheels) if any(run.measures(c) for run in measured)]
+        if not names:
             continue
-        names = channels(group, wheels)
         for how, estimate in _WAYS.items():
             if how == "declared" and not declared:
                 continue
-            estimated = estimate(measured, group)
+            estimated = estimate(measured, names)
             if estimated is not None:
                 sigma |= dict(zip(names, map(float, estimated.sigma), strict=True))
                 source[group], error[group] = how, estimated.error
@@ -91,23 +91,22 @@ class _Estimate:
     error: float
 
 
-def _declared(runs: Sequence[Recording], group: str) -> _Estimate | None:
+def _declared(runs: Sequence[Recording], names: Sequence[str]) -> _Estimate | None:
     """Root mean square of what the runs declare; `None` where one of them declares nothing."""
-    names = channels(group, runs[0].wheels)
     said = [[run.declared_noise(column) for column in names] for run in runs]
     if any(value is None for row in said for value in row):
         return None
     return _Estimate(np.sqrt(np.mean(np.square(np.array(said, float)), axis=0)), 0.0)
 
 
-def _from_repeats(runs: Sequence[Recording], group: str) -> _Estimate | None:
+def _from_repeats(runs: Sequence[Recording], names: Sequence[str]) -> _Estimate | None:
     """From the difference of runs with equal inputs and starts, unless they do not truly repeat."""
     pairs = [(a, b) for i, a in enumerate(runs) for b in runs[i + 1 :] if _repeat(a, b)]
     if not pairs:
         return None
-    square = np.mean([_nanmean((a.group(group) - b.group(group)) ** 2) for a, b in pairs], axis=0)
+    square = np.mean([_nanmean((a.table(names) - b.table(names)) ** 2) for a, b in pairs], axis=0)
     sigma = np.sqrt(square / 2)
-    rest = _from_rest(runs, group)
+    rest = _from_rest(runs, names)
     true = rest is None or np.all(sigma[np.isfinite(sigma)] < 1.5 * np.nanmax(rest.sigma))
     count = len(sigma) * sum(len(a) for a, _ in pairs)
     return _Estimate(sigma, (2 * count) ** -0.5) if true and np.isfinite(sigma).all() else None
@@ -122,15 +121,17 @@ def _repeat(a: Recording, b: Recording) -> bool:
     return bool(same and np.abs(start).max() < 5e-3)
 
 
-def _from_rest(runs: Sequence[Recording], group: str, enough: int = ENOUGH) -> _Estimate | None:
+def _from_rest(
+    runs: Sequence[Recording], names: Sequence[str], enough: int = ENOUGH
+) -> _Estimate | None:
     """Differences over the rest at the start of the runs, `enough` samples or more together."""
-    pieces = [run.group(group)[: rest_length(run)] for run in runs]
+    pieces = [run.table(names)[: rest_length(run)] for run in runs]
     pieces = [piece for piece in pieces if len(piece) > 2 * ORDERS[-1]]
     return _level(pieces) if sum(map(len, pieces)) >= enough else None
 
 
-def _from_short_rest(runs: Sequence[Recording], group: str) -> _Estimate | None:
-    return _from_rest(runs, group, SHORTEST)
+def _from_short_rest(runs: Sequence[Recording], names: Sequence[str]) -> _Estimate | None:
+    return _from_rest(runs, names, SHORTEST)
 
 
 def rest_length(run: Recording) -> int:
@@ -148,24 +149,23 @@ def rest_length(run: Recording) -> int:
     return 0 if rolls else end
 
 
-def _from_quiet(runs: Sequence[Recording], group: str) -> _Estimate | None:
+def _from_quiet(runs: Sequence[Recording], names: Sequence[str]) -> _Estimate | None:
     """From the quietest stretches of raw readings, if they scatter as stretches of pure noise do.
 
     Under white noise the 10th and the 30th percentile of the stretches' levels have a known ratio;
     where the data's differs, the quietest stretches still move and say nothing about the noise.
     """
     order = ORDERS[-1]
-    levels = [_windows(run.group(group), order) for run in runs]
-    levels = np.concatenate([x for x in levels if len(x)] or [np.zeros((0, 1))])
-    if len(levels) < 20:
+    levels = np.concatenate([_windows(run.table(names), order) for run in runs])
+    if np.isfinite(levels).sum(axis=0).min() < 20:
         return None
     pure = _windows(np.random.default_rng(0).standard_normal((WINDOW * 2000, 1)), order)
     low, high = (
         np.nanpercentile(levels, p, axis=0) / np.percentile(pure, p, axis=0) for p in (10, 30)
     )
-    alike = np.all((high < 1.4 * low) & np.isfinite(low))
+    alike = np.all(high < 1.4 * low)
     # the 10th percentile of n levels scatters by 1.7/sqrt(n) of what one of them scatters
-    error = 1.7 * _scatter(order, WINDOW) / np.sqrt(levels.size)
+    error = 1.7 * _scatter(order, WINDOW) / np.sqrt(np.isfinite(levels).sum())
     return _Estimate(np.sqrt(low), error) if alike else None
 
 

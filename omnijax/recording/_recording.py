@@ -1,6 +1,7 @@
 """A measured run in memory, and what was found wrong with it."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -66,10 +67,16 @@ class Recording:
 
     def group(self, name: str) -> np.ndarray:
         """Channels of one group as (samples, channels); NaN where nothing usable was measured."""
+        return self.table(channels(name, self.wheels))
+
+    def table(self, names: Sequence[str]) -> np.ndarray:
+        """Channels as (samples, names); NaN where nothing usable was measured."""
         missing = np.full(len(self.time), np.nan)
-        return np.stack(
-            [self.channels.get(c, missing) for c in channels(name, self.wheels)], axis=1
-        )
+        return np.stack([self.channels.get(c, missing) for c in names], axis=1)
+
+    def measures(self, column: str) -> bool:
+        """Whether a column has a usable value."""
+        return column in self.channels and bool(np.isfinite(self.channels[column]).any())
 
     def mask(self, name: str) -> np.ndarray:
         """Where a group's values can be used, (samples, channels)."""
@@ -78,7 +85,7 @@ class Recording:
     @property
     def groups(self) -> tuple[str, ...]:
         """Output groups with at least one usable value."""
-        return tuple(g for g in OUTPUTS if self.mask(g).any())
+        return tuple(g for g in OUTPUTS if any(self.measures(c) for c in channels(g, self.wheels)))
 
     @property
     def torque(self) -> np.ndarray:
