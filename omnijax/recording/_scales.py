@@ -12,20 +12,12 @@ from scipy import special
 
 from ._columns import channels, group_of, unit_of
 from ._recording import Fault, Recording
+from ._scale_factors import FACTORS, pieces
+from ._scale_sizes import accelerations, gap_sizes, siblings
 
-FACTORS = {  # what a column may be in -> values in that unit over values in SI
-    "theta": {"mrad": 1e3, "deg": 180 / np.pi, "turn": 1 / (2 * np.pi)},
-    "Omega": {"mrad/s": 1e3, "deg/s": 180 / np.pi, "rpm": 30 / np.pi},
-    "dR": {"mm": 1e3, "um": 1e6, "km": 1e-3},
-    "a": {"mm/s^2": 1e3, "km/s^2": 1e-3},
-    "torque": {"N mm": 1e3, "kN m": 1e-3},
-    "force": {"mN": 1e3, "kN": 1e-3},
-}
-WRONG = 50.0  # times too large or too small: beyond every effect of a real machine
 UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
 SURE = 5.0  # sigma by which a factor of torques or of the force stands out
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
-PIECE = 0.5  # s, over which what turned, moved or was pushed is compared
 
 
 class _Turned(NamedTuple):
@@ -52,7 +44,7 @@ def mend_units(run: Recording, rig: Any, declared: set[str]) -> None:
 
     Columns or groups in `declared` have their unit from the user: they are named but left alone.
     """
-    for check in (_rolling, _siblings, _gap_size, _accelerations, _torques):
+    for check in (_rolling, siblings, gap_sizes, accelerations, _torques):
         for columns, factor in check(run, rig):
             _mend(run, columns, factor, declared)
 
@@ -74,7 +66,9 @@ def _mend(run: Recording, columns: tuple[str, ...], factor: float, declared: set
             run.channels[column] = run.channels[column] / exact
         use = f'it is read as {unit}; `units.{name} = "{unit_of(group)}"` in NAME.toml keeps it'
     what = f"the {'group' if whole else 'channel'} looks {size} for {unit_of(group)} (wrong unit?)"
-    run.faults.append(Fault(run.path.name, name, (), "unit", what, use))
+    fault = Fault(run.path.name, name, (), "unit", what, use)
+    if fault not in run.faults:  # two relations may say the same of a column that is left alone
+        run.faults.append(fault)
 
 
 def _rolled(run: Recording) -> np.ndarray:
@@ -102,7 +96,7 @@ def _turned(run: Recording, rig: Any) -> _Turned | None:
     """Wheels and sphere in the pieces where all angles are known; None where too few are."""
     if not {"theta", "Omega"} <= set(run.groups):
         return None
-    stride = _stride(run)
+    stride = pieces(run)
     theta = run.group("theta")[::stride]
     turned = np.diff(np.where(np.isfinite(theta), theta, np.nan), axis=0)
     good = np.isfinite(turned).all(axis=1)
@@ -111,11 +105,6 @@ def _turned(run: Recording, rig: Any) -> _Turned | None:
     ratio = np.asarray(rig.wheel_radius / rig.sphere.radius)
     rolled = np.diff(_rolled(run)[::stride], axis=0)
     return _Turned(turned[good] * ratio, rolled[good], np.asarray(rig.wheels.spin_axis))
-
-
-def _stride(run: Recording) -> int:
-    """Samples in a piece."""
-    return max(int(PIECE / run.step), 2)
 
 
 def _rms(values: np.ndarray, axis: int | None = None):
@@ -143,86 +132,6 @@ def _one_by_one(names: tuple[str, ...]):
     return (((name,), np.array([name == n for n in names])) for name in names)
 
 
-def _siblings(run: Recording, rig: Any):
-    """One channel of a group whose noise and size are both a thousand times its siblings'."""
-    for group in ("dR", "a"):
-        names = [
-            c for c in channels(group, run.wheels) if np.isfinite(run.channels.get(c, np.nan)).any()
-        ]
-        if len(names) < 3:
-            continue
-        values = [run.channels[c] for c in names]
-        if not all(map(_noisy, values)):
-            continue
-        noise = np.array([np.nanmedian(np.abs(np.diff(x, 7))) for x in values])
-        size = np.array([np.nanstd(x) for x in values])
-        for i, column in enumerate(names):
-            others = np.arange(len(names)) != i
-            ratios = np.concatenate([x[i] / x[others] for x in (noise, size)])
-            if np.all(ratios > WRONG) or np.all(ratios < 1 / WRONG):
-                yield (column,), 10.0 ** (3 * np.sign(np.log(ratios[0])))
-
-
-def _noisy(values: np.ndarray) -> bool:
-    """Whether the seventh differences are those of white noise: neighbours correlate by -7/8."""
-    rough = np.diff(values, 7)
-    rough = rough[np.isfinite(rough)]
-    power = np.sum(rough**2)
-    return bool(power > 0 and np.sum(rough[1:] * rough[:-1]) < -0.6 * power)
-
-
-def _gap_size(run: Recording, rig: Any):
-    """dR against the depth of the gaps that the wheels rolled over."""
-    depth = float(np.max(np.asarray(rig.gaps.depth)))
-    turned = np.nanmax(np.abs(run.group("theta") - run.group("theta")[0]), initial=0.0)
-    if "dR" not in run.groups or depth == 0 or turned < float(np.max(np.asarray(rig.gaps.pitch))):
-        return
-    size = float(np.sqrt(np.nanmean(run.group("dR") ** 2)))
-    for factor in FACTORS["dR"].values():
-        if 0.02 < size / depth / factor < 20 and not 1 / WRONG < size / depth < WRONG:
-            yield channels("dR", run.wheels), factor
-            return
-
-
-def _accelerations(run: Recording, rig: Any):
-    """a and the force against each other, and a against what contacts can do to the platform."""
-    if "a" not in run.groups:
-        return
-    mass = float(rig.total_mass)
-    stiff = float(np.sum(np.asarray(rig.wheels.contact.stiffness)))
-    push = np.sqrt(np.mean(run.force**2)) + stiff * float(np.max(np.asarray(rig.gaps.depth)))
-    size = float(np.sqrt(np.nanmean(run.group("a") ** 2)))
-    if size > 20 * push / mass and size > 100:
-        yield channels("a", run.wheels), 1e3
-        return
-    coefficient, sigma = _slope(run, mass)
-    if abs(coefficient) > SURE * sigma and not 1 / WRONG < coefficient < WRONG and coefficient > 0:
-        group = "force" if coefficient < 1 else "a"
-        if size < 20 * push / mass and group == "a":
-            yield channels("force", run.wheels), 1e-3
-        else:
-            yield channels(group, run.wheels), 1e3
-
-
-def _slope(run: Recording, mass: float) -> tuple[float, float]:
-    """M_T times the mean acceleration over the force, and its 1-sigma, in half-second means."""
-    stride = _stride(run)
-    count = len(run) // stride
-    if count < 4:
-        return 1.0, np.inf
-    pushed, moved = (
-        x[: count * stride].reshape(count, stride, 3).mean(axis=1).ravel()
-        for x in (run.force, mass * run.group("a"))
-    )
-    good = np.isfinite(moved) & (np.abs(pushed) > 0)
-    if good.sum() < 6:
-        return 1.0, np.inf
-    pushed, moved = pushed[good], moved[good]
-    slope = float(pushed @ moved / (pushed @ pushed))
-    scatter = np.std(moved - slope * pushed)
-    return slope, float(scatter / np.sqrt(pushed @ pushed))
-
-
 def _torques(run: Recording, rig: Any):
     """Torques that are about a thousand times off what the sphere's turning shows.
 
@@ -248,7 +157,7 @@ def _torque_factors(run: Recording, rig: Any) -> np.ndarray | None:
     """
     if "Omega" not in run.groups:
         return None
-    stride = _stride(run)
+    stride = pieces(run)
     gained = np.diff(run.group("Omega")[::stride], axis=0)
     columns = np.concatenate([_given(run, rig, stride), _resisted(run, stride)], axis=2)
     good = np.isfinite(gained).all(axis=1)
