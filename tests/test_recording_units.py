@@ -56,3 +56,42 @@ def test_a_quiet_column_is_in_the_unit_of_those_whose_noise_is_like_its_own(grou
     moving = set(names) - {quiet}
     check(columns, dict.fromkeys(names, 1e3), {group})
     check(columns, dict.fromkeys(moving, 1e3), moving)
+
+
+DEGREES = 180 / np.pi
+ENDS = {"dR": "xyz", "Omega": "xyz", "theta": "123", "torque": "123"}
+OF = {group: [f"{group}_{end}" for end in ends] for group, ends in ENDS.items()}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "factor", "lost"),
+    [
+        ("dR", 1e3, "theta"),
+        ("torque", 1e3, "Omega"),
+        ("torque", 1e-3, "Omega"),
+        ("torque", 1e3, "Omega_z"),
+        ("theta", DEGREES, "Omega"),
+        ("theta", DEGREES, "Omega_z"),
+        ("theta", DEGREES, "theta_2"),
+        ("Omega", 1e3, "Omega_x"),
+        ("Omega", DEGREES, "theta"),
+    ],
+)
+def test_a_wrong_unit_is_told_without_the_channels_that_tell_it_best(wrong, factor, lost):
+    columns = {c: x for c, x in measured().items() if c not in (lost, *OF.get(lost, ()))}
+    check(columns, dict.fromkeys(set(OF[wrong]) & set(columns), factor), {wrong})
+    check(columns, {}, set())
+
+
+@pytest.mark.parametrize("wrong", ["theta_1", "theta_3", "Omega_y"])
+def test_one_column_is_told_without_one_axis_of_omega(wrong):
+    columns = measured()
+    del columns["Omega_z"]
+    check(columns, {wrong: DEGREES}, {wrong})
+
+
+def test_empty_first_cells_hide_no_wrong_unit():
+    columns = measured()
+    for name in OF["theta"]:
+        columns[name] = np.append(np.nan, columns[name][1:])
+    check(columns, dict.fromkeys(OF["dR"], 1e3), {"dR"})

@@ -1,8 +1,12 @@
 """What a column may be measured in, and from where on a size is that of another unit."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ._recording import Recording
+
+Wrong = Iterator[tuple[tuple[str, ...], float]]  # columns, and how many times too large they are
 
 FACTORS = {  # what a column may be in -> values in that unit over values in SI
     "theta": {"mrad": 1e3, "deg": 180 / np.pi, "turn": 1 / (2 * np.pi)},

@@ -1,13 +1,13 @@
 """Columns of a size that neither gaps, nor forces, nor the columns beside them allow."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ._columns import AXES, channels
 from ._recording import Recording
-from ._scale_factors import FACTORS, WRONG, pieces
+from ._scale_factors import FACTORS, WRONG, Wrong, pieces
+from ._scale_turning import greatest_turn
 
 FEWEST = 2  # columns that can be told apart
 ORDER = 7  # of the differences that leave of a column its noise
@@ -17,8 +17,6 @@ PUSHED = 20.0  # times what contacts and forces can do to the platform
 SHAKEN = 100.0  # m/s^2, below which no acceleration is too large
 SURE = 6.0  # sigma by which the mean acceleration has to stand out
 GIVEN = 6  # pieces with a force that tell it
-
-Wrong = Iterator[tuple[tuple[str, ...], float]]  # columns, and how many times too large they are
 
 
 def siblings(run: Recording, rig: Any) -> Wrong:
@@ -44,8 +42,7 @@ def siblings(run: Recording, rig: Any) -> Wrong:
 
 def gap_sizes(run: Recording, rig: Any) -> Wrong:
     """Columns of dR against the depth of the gaps that the wheels rolled over."""
-    turned = np.nanmax(np.abs(run.group("theta") - run.group("theta")[0]), initial=0.0)
-    if turned >= float(np.max(np.asarray(rig.gaps.pitch))):
+    if greatest_turn(run, rig) >= float(np.max(np.asarray(rig.gaps.pitch))):
         yield from _by_own_size(run, rig, "dR")
 
 
