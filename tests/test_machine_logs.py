@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 from omnijax import cli
 from omnijax.machine import (
@@ -149,6 +150,57 @@ def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     assert [log.name for log in with_copy.logs] == [log.name for log in case.logs]
     told = "copy holds the same samples as one: it confirms nothing, and is not used as held-out."
     assert told in with_copy.faults
+
+
+def case_of_parts(folder, table, parts: dict[str, str]):
+    """The case of an axis with one log, `table` (t, input, position), and what NAME.toml say."""
+    (folder / "machine.toml").write_text(
+        'kind = "axis"\n[axis]\ninertia = 0.01\n[motor]\ninput = "torque"\n'
+    )
+    header = "t,input,position"
+    np.savetxt(folder / "run.csv", table, "%.9g", ",", header=header, comments="")
+    for name, text in parts.items():
+        (folder / f"{name}.toml").write_text(text)
+    return read_machine_case(folder)
+
+
+def wandering(rng, count: int, step: float = STEP) -> np.ndarray:
+    """Time, input and position (count, 3) of something that wanders."""
+    return np.stack([step * np.arange(count), *np.cumsum(rng.normal(size=(2, count)), 1)], 1)
+
+
+@pytest.mark.parametrize("rows, share", [((100, 400), 100), ((300, 600), 33), ((390, 600), 0)])
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_a_held_out_part_of_a_fitted_log_is_noticed_by_its_rows(tmp_path, rows, share, jitter):
+    """Each log counts its time from 0: a later part of another one was taken for a new log."""
+    rng = drawn_anew("rows")
+    table = wandering(rng, 600)
+    table[:, 0] += jitter * STEP * rng.random(600)  # and each part is laid on a grid of its own
+    parts = {
+        "run": "rows = [0, 400]",
+        "tail": f'log = "run.csv"\nrole = "held-out"\nrows = {[*rows]}',
+    }
+    case = case_of_parts(tmp_path, table, parts)
+    assert case.blocks == (share > 0)
+    said = "holds the same samples as" if share == 100 else f"shares {share} % of its samples with"
+    told = f"tail {said} run: it confirms nothing, and is not used as held-out."
+    assert (told in case.faults) == (share > 0)
+
+
+def test_a_copied_log_counts_once_whatever_its_file(tmp_path):
+    table = wandering(drawn_anew("copied"), 600)
+    for name, part in (("copy", (0, 600)), ("later", (250, 550))):
+        rows = table[slice(*part)] - [table[part[0], 0], 0, 0]
+        np.savetxt(
+            tmp_path / f"{name}.csv", rows, "%.9g", ",", header="t,input,position", comments=""
+        )
+    case = case_of_parts(tmp_path, table, {"later": 'role = "held-out"'})
+    assert {log.name for log in case.logs} == {"copy train", "copy held-out"}
+    assert (
+        "later holds the same samples as copy: it confirms nothing, and is not used as held-out."
+        in case.faults
+    )
+    assert "run holds the same samples as copy: they count once, and it is not used." in case.faults
 
 
 def test_a_constant_channel_is_in_its_unit(tmp_path):

@@ -14,6 +14,7 @@ from seeds import drawn_anew
 
 from omnijax import InputError, Recording, diagnose, read_case, read_recording, write_recording
 from omnijax.recording import ordered_rows
+from omnijax.recording._copies import LARGE
 from omnijax.recording._csv import read_csv
 from omnijax.recording._time import GLITCH
 
@@ -457,7 +458,7 @@ def test_faults_between_runs_and_of_the_folder(tmp_path):
     write(tmp_path / "run-1.csv", columns(), note)
     slow = {name: x[::2] for name, x in columns(seed=2).items() if not name.startswith("dR")}
     write(tmp_path / "run-2.csv", slow, note + 'role = "held-out"\n')
-    write(tmp_path / "run-3.csv", columns(), note)
+    write(tmp_path / "run-3.csv", columns(seed=3), note)
     write(tmp_path / "run-4.csv", {"t": np.arange(9.0), "dR_x": np.arange(9.0)}, note)
     write(tmp_path / "wheel.csv", {"theta": np.arange(9.0), "rho": np.zeros(9)})
     (tmp_path / "run-9.toml").write_text(note)
@@ -480,14 +481,48 @@ def test_a_held_out_run_that_a_train_run_holds_too_confirms_nothing(tmp_path):
     write(tmp_path / "b.csv", other, held + 'units = { dR = "mm" }\n')  # copied, and converted
     write(tmp_path / "c.csv", {k: x[150:450] for k, x in columns().items()}, held)  # a part
     moved = {k: x[150:450] for k, x in columns().items()}
-    write(tmp_path / "d.csv", moved | {"t": moved["t"] + 0.1 * STEP}, held)
+    write(tmp_path / "d.csv", moved | {"t": moved["t"] + 0.1 * STEP}, held)  # by another clock
     write(tmp_path / "e.csv", columns(seed=2), held)  # the same drive, and noise of its own
     case = read_case(tmp_path, rig=machine())
     assert [run.name for run in case.train] == ["a"]
-    assert [run.name for run in case.held_out] == ["d", "e"]
+    assert [run.name for run in case.held_out] == ["e"]
     told = [str(fault) for fault in case.faults if fault.kind == "same samples"]
     use = "holds the same samples as a.csv: it confirms nothing; the run is not used as held-out."
-    assert told == [f"b.csv: {use}", f"c.csv: {use}"]
+    assert told == [f"{name}.csv: {use}" for name in "bcd"]
+
+
+@pytest.mark.parametrize("part", [(200, 500), (0, 250), (400, 600)])
+def test_a_held_out_run_that_runs_on_from_a_fitted_one_confirms_nothing(tmp_path, part):
+    """Only one that stands in it as a whole was noticed."""
+    note, held = 'rig = "rig.toml"\n', 'rig = "rig.toml"\nrole = "held-out"\n'
+    whole, (first, end) = columns(900), part
+    write(tmp_path / "a.csv", {k: x[first:end] for k, x in whole.items()}, note)
+    later = {k: x[300:600] for k, x in whole.items()}
+    write(tmp_path / "b.csv", later | {"t": later["t"] - 7.0}, held)
+    write(tmp_path / "c.csv", {k: x[450:900] for k, x in whole.items()}, held)
+    case = read_case(tmp_path, rig=machine())
+    shares = {name: max(0, min(end, b) - max(first, a)) / (b - a)
+              for name, a, b in (("b", 300, 600), ("c", 450, 900))}  # fmt: skip
+    left_out = {name: share for name, share in shares.items() if share >= LARGE}
+    assert left_out.keys().isdisjoint(run.name for run in case.held_out)
+    assert [str(fault) for fault in case.faults if fault.kind == "same samples"] == [
+        f"{name}.csv: shares {100 * share:.0f} % of its samples with a.csv: it confirms nothing; "
+        "the run is not used as held-out." for name, share in left_out.items()
+    ]  # fmt: skip
+
+
+def test_a_copy_of_a_fitted_run_counts_once(tmp_path):
+    """It counted twice: every variance was half of what it is."""
+    note = 'rig = "rig.toml"\n'
+    for name, part in (("a", (100, 400)), ("b", (0, 600)), ("c", (0, 600)), ("d", (0, 0))):
+        table = {k: x[slice(*part)] for k, x in columns().items()} if any(part) else columns(seed=2)
+        write(tmp_path / f"{name}.csv", table, note)
+    case = read_case(tmp_path, rig=machine())
+    assert [run.name for run in case.runs] == ["b", "d"]
+    assert [str(fault) for fault in case.faults if fault.kind == "same samples"] == [
+        f"{name}.csv: holds the same samples as b.csv; the run is not used: they count once."
+        for name in "ac"
+    ]
 
 
 def test_a_diagnosis_without_a_train_run_says_which_cannot_be_used(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._reading import existing, read_toml
-from ..recording import RunSamples, stands_in, stem_of, without_copies
+from ..recording import Copy, RunSamples, share_in, stem_of, without_copies
 from ._file import MachineFile, load_machine
 from ._log import Log, LogFile, read_log, read_log_file, tables_of
 
@@ -40,11 +40,8 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
             logs.append(read_log(one, file.machine.inputs, file.machine.outputs))
         except InputError as error:
             faults += [f"{x} The run is not used." for x in error.problems]
-    logs, copies = without_copies(logs, lambda log: log.role == "held-out", _is_part)
-    faults += [
-        f"{log.name} holds the same samples as {copied.name}: it confirms nothing, and is not used "
-        "as held-out." for log, copied in copies
-    ]  # fmt: skip
+    logs, copies = without_copies(logs, lambda log: log.role == "held-out", _share)
+    faults += map(_copied, copies)
     if not logs:
         raise InputError("\n- ".join([f"{folder}: no run can be used.", *faults]))
     faults += [x for log in logs for x in log.faults]
@@ -59,10 +56,24 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
     return MachineCase(folder, file, logs, blocks, faults)
 
 
-def _is_part(log: Log, whole: Log) -> bool:
-    """Whether every sample of a log stands in another one."""
-    one, other = (RunSamples(x.time, x.outputs, x.inputs) for x in (log, whole))
-    return stands_in(one, other)
+def _share(log: Log, other: Log) -> float:
+    """Share of a log's samples that stand in another one: by its rows of one file, or by value."""
+    by_rows = 0.0
+    if log.rows is not None and other.rows is not None:
+        by_rows = log.rows.share_in(other.rows)
+    one, whole = (
+        RunSamples(x.time, {x.measured: x.shown} if x.is_compared else {}, x.inputs)
+        for x in (log, other)
+    )
+    return max(by_rows, share_in(one, whole))
+
+
+def _copied(copy: Copy[Log]) -> str:
+    """That a log was left out as a copy of another one."""
+    what = f"{copy.run.name} {copy.said(copy.other.name)}"
+    if copy.run.role == "held-out":
+        return f"{what}: it confirms nothing, and is not used as held-out."
+    return f"{what}: they count once, and it is not used."
 
 
 def _log_files(folder: Path) -> list[LogFile]:
@@ -104,7 +115,7 @@ def _parts(log: Log) -> list[Log]:
         return dataclasses.replace(
             log, name=f"{log.name} {role}", role=role, time=np.asarray(log.time[where]),
             inputs={k: x[where] for k, x in log.inputs.items()},
-            outputs={k: x[where] for k, x in log.outputs.items()},
+            outputs={k: x[where] for k, x in log.outputs.items()}, rows=None,
         )  # fmt: skip
 
     return [part("train", slice(None, cut)), part("held-out", slice(cut, None))]

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,13 +24,29 @@ TABLES: dict[str, tuple[tuple[type, ...], str]] = {  # of a NAME.toml: what thei
 MEASURED = ("position", "velocity")  # what a machine is compared by, the first that a log has
 
 
+class LogRows(NamedTuple):
+    """Rows [first, end) of one column of a file."""
+
+    file: Path
+    column: str
+    first: int
+    end: int
+
+    def share_in(self, other: "LogRows") -> float:
+        """Share of the rows that are among others too."""
+        if (self.file.resolve(), self.column) != (other.file.resolve(), other.column):
+            return 0.0
+        both = min(self.end, other.end) - max(self.first, other.first)
+        return max(0, both) / (self.end - self.first)
+
+
 @dataclasses.dataclass
 class Log:
     """One run: uniform time in s, inputs and outputs in SI units by name.
 
     `noise` is the declared 1-sigma by output; `faults` are sentences about what was wrong.  Where
     `measured` is the velocity, the position is its integral from 0.  A log of inputs alone has no
-    outputs.
+    outputs.  `rows` are those of what was measured, in its file.
     """
 
     name: str
@@ -41,6 +57,7 @@ class Log:
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
     faults: list[str] = dataclasses.field(default_factory=list)
     measured: str = "position"  # or velocity
+    rows: LogRows | None = None
 
     @property
     def step(self) -> float:
@@ -180,13 +197,16 @@ def read_log(
             f'[channels] {measured_of(outputs)} = "..." in {file.path.name}; columns: '
             f"{', '.join(list(table.columns)[:12])}."
         )
-    if file.rows is not None:
-        signals = {k: x[slice(*file.rows)] for k, x in signals.items()}
+    first, end = file.rows or (0, len(signals["t"]))
+    signals = {k: x[first:end] for k, x in signals.items()}
     for name in inputs:
         signals.setdefault(name, np.ones(len(signals["t"])))
     used = {str(file.channels.get(k, k)) for k in signals}
     faults[:0] = [str(x) for x in table.faults if not x.column or x.column in used]
-    return _on_a_grid(file, signals, inputs, outputs, measured, noise, faults)
+    log = _on_a_grid(file, signals, inputs, outputs, measured, noise, faults)
+    column = str(file.channels.get(log.measured, log.measured))
+    rows = LogRows(file.log, column, first, first + len(signals["t"]))
+    return dataclasses.replace(log, rows=rows)
 
 
 def _declared_noise(file: LogFile, units: Mapping[str, str]) -> dict[str, float]:

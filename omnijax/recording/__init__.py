@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from ._columns import columns as columns
     from ._columns import group_of as group_of
     from ._columns import unit_of as unit_of
+    from ._copies import Copy as Copy
     from ._copies import RunSamples as RunSamples
-    from ._copies import stands_in as stands_in
+    from ._copies import share_in as share_in
     from ._copies import without_copies as without_copies
     from ._grid import usual_step as usual_step
     from ._noise import NoiseFloor as NoiseFloor

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._reading import existing
-from ._copies import is_part, without_copies
+from ._copies import Copy, share_of_recording, without_copies
 from ._read import read_recording
 from ._recording import Fault, Recording
 from ._shorten import first, thinned
@@ -99,13 +99,17 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
     if not runs:
         said = [x.what if x.file in x.what else f"{x.file}: {x.what}" for x in faults]
         raise InputError("\n- ".join([f"{folder}: no run can be used.", *said]))
-    runs, copies = without_copies(runs, lambda run: run.held_out, is_part)
-    for run, copied in copies:
-        what = f"holds the same samples as {copied.path.name}: it confirms nothing"
-        use = "the run is not used as held-out"
-        faults.append(Fault(run.path.name, "", (), "same samples", what, use))
-    faults += _between(runs)
+    runs, copies = without_copies(runs, lambda run: run.held_out, share_of_recording)
+    faults += [_copied(copy) for copy in copies] + _between(runs)
     return Case(folder, rig, runs, rig_path, faults)
+
+
+def _copied(copy: Copy[Recording]) -> Fault:
+    """That a run was left out as a copy of another one."""
+    what, use = copy.said(copy.other.path.name), "the run is not used: they count once"
+    if copy.run.held_out:
+        what, use = f"{what}: it confirms nothing", "the run is not used as held-out"
+    return Fault(copy.run.path.name, "", (), "same samples", what, use)
 
 
 def _tables(folder: Path, faults: list[Fault]) -> list[Path]:
