@@ -41,7 +41,7 @@ def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]
 def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnosis:
     """The floor first, then as any model; free runs beside it."""
     case = reading.case
-    model, table, remarks = build_model(case, laws, programs)
+    model, noise, remarks = build_model(case, laws, programs)
     tell("calibrating the uncertain parameters")
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
@@ -58,12 +58,11 @@ def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnos
         if other is not None:
             return _read(other, laws, tell, programs)
     start = fit.point
-    table[model.measured.rows[0].group]["sigma"] = float(model.row_noise.sigma[0])
     if model.row_noise.floor > 1:
         remarks.append(model.row_noise.said())
     model.work = 0.0
     faults = [*case.faults, *case.file.assumed]
-    evidence = OdeEvidence(model, case.file, table, remarks, faults, case.blocks)
+    evidence = OdeEvidence(model, case.file, noise, remarks, faults, case.blocks)
     result = answered(evidence, start, tell)
     outcome, sure = result.details["found"], result.verdict in ("named", "ambiguous")
     tell("simulating every run from its first sample")

@@ -59,24 +59,34 @@ def assumed_noise(case: Case) -> dict[str, Assumed]:
 
 def _one(name, values, measured: float, error: float, source: str, declared) -> Assumed:
     """The assumption for one channel with `values` by run."""
-    quantum = step_of(values)
-    colour = "quantised" if quantum > FINEST * _beside_steps(values, measured, declared) else ""
-    least = quantum / np.sqrt(12) if colour else 0.0
+    quantum = shown_step(values, _beside_steps(values, measured, declared))
+    colour = "quantised" if quantum > 0 else ""
+    least = quantum / np.sqrt(12)
     if measured == 0 and not colour and declared in (None, 0.0):
         size = np.sqrt(np.mean(np.concatenate(values) ** 2))
         return Assumed(float(NOISE_FREE[name.split("_")[0]] * size), 0.0, "noise-free", declared)
     known = np.isfinite(measured) and measured > least
     if not known:
         sigma, wide, how = _unmeasured(values, declared, least)
-    elif declared is None:
-        sigma, wide, how = measured, error, source
-    elif abs(np.log(measured / declared)) < AGREES * error:
-        sigma, wide, how = declared, min(error, DATA_SHEET), "declared"
     else:
-        mine, theirs = error**-2, DATA_SHEET**-2
-        mean = (mine * np.log(measured) + theirs * np.log(declared)) / (mine + theirs)
-        sigma, wide, how = float(np.exp(mean)), (mine + theirs) ** -0.5, source
+        sigma, wide, how = combined(measured, error, source, declared)
     return Assumed(sigma, wide, how, declared, colour)
+
+
+def combined(
+    measured: float, error: float, source: str, declared: float | None
+) -> tuple[float, float, str]:
+    """(1-sigma, its relative error, source) of a noise that the data show, and what was declared.
+
+    A declaration that agrees is kept as it is; else both count by how well each is known.
+    """
+    if declared is None:
+        return measured, error, source
+    if abs(np.log(measured / declared)) < AGREES * error:
+        return declared, min(error, DATA_SHEET), "declared"
+    mine, theirs = error**-2, DATA_SHEET**-2
+    mean = (mine * np.log(measured) + theirs * np.log(declared)) / (mine + theirs)
+    return float(np.exp(mean)), (mine + theirs) ** -0.5, source
 
 
 def _beside_steps(values, measured: float, declared: float | None) -> float:
@@ -104,6 +114,12 @@ def _rough(values: list[np.ndarray]) -> float:
     """The quieter half of differences of a high order as a 1-sigma; 0 of a channel that stands."""
     squares = [noise_squares(v, ORDER) for v in values if len(v) > ORDER + 1]
     return float(np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1))) if squares else 0.0
+
+
+def shown_step(values: list[np.ndarray], noise: float) -> float:
+    """`step_of` a channel, 0 too where a `noise` of that 1-sigma hides its steps."""
+    quantum = step_of(values)
+    return quantum if quantum > FINEST * noise else 0.0
 
 
 def step_of(values: list[np.ndarray]) -> float:

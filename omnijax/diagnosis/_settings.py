@@ -569,15 +569,12 @@ class FreeBeforeSettings:
 class FreeBuildSettings:
     """From a machine's case to its model: criterion, noise, laws and places."""
 
-    orders: tuple[int, ...] = (3, 5, 7)  # differences that leave of a position its noise
     # Hz a sample a second, tried from the widest
     cutoffs: tuple[float, ...] = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)
     rows: int = 6000  # of a run's free run that are compared; more say nothing new
     leads: int = 4  # a window is at least so many times its lead
     # of the time that an axis is pushed away from rest, above which free runs say nothing
     away: float = 0.05
-    noise_free: float = 1e-6  # of what is measured, as noise where there is none
-    error: float = 0.05  # relative 1-sigma of the noise's level
     lead: int = 64  # samples, from which a window is at least so many of its leads
     windows: int = 16  # of the longest run, at most
     together: int = 4  # leads and windows in a run that is one window: time
@@ -730,6 +727,18 @@ class FreeRowsSettings:
     passed: float = 0.8  # of half the rows' rate, the cutoff of the thinning filter
     impulse: int = 2001  # samples at least, over which a low pass dies away
     edges: int = 8  # edges of the thinning filter, the same
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeSensorNoiseSettings:
+    """The noise of what the logs of a machine measured, each by itself."""
+
+    orders: tuple[int, ...] = (3, 5, 7)  # differences that leave of a position its noise
+    noise_free: float = 1e-6  # of what is measured, as noise where there is none
+    error: float = 0.05  # relative 1-sigma of the noise's level
+    # the highest of the orders' levels over the least, above which there is motion in them: 1.02
+    # in white noise of a few thousand samples
+    white: float = 1.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -921,6 +930,7 @@ class Settings:
     free_orders: FreeOrdersSettings = FreeOrdersSettings()
     free_reopened: FreeReopenedSettings = FreeReopenedSettings()
     free_rows: FreeRowsSettings = FreeRowsSettings()
+    free_sensor_noise: FreeSensorNoiseSettings = FreeSensorNoiseSettings()
     free_together: FreeTogetherSettings = FreeTogetherSettings()
     free_undecided: FreeUndecidedSettings = FreeUndecidedSettings()
     answer_learned: AnswerLearnedSettings = AnswerLearnedSettings()

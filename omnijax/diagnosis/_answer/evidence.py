@@ -54,7 +54,8 @@ class Unlisted:
 class AbstractEvidence(abc.ABC):
     """One model with its held-out runs, as verdict, answer and page see it.
 
-    `noise` holds by output group {sigma, source, error}, `faults` what was wrong with the data.
+    `noise` holds by output group {sigma, error, source, declared}, `faults` what was wrong with
+    the data.
     """
 
     model: AbstractModel
@@ -128,8 +129,7 @@ class AbstractEvidence(abc.ABC):
         """What the noise of a channel was taken for: sigma, declared, source, unit, colour."""
         group = channel if channel in self.noise else channel.rpartition("_")[0]
         known = self.noise[group]
-        return {"sigma": known["sigma"], "source": known["source"], "unit": self.unit_of(group),
-                "declared": known["sigma"] if known["source"] == "declared" else None}  # fmt: skip
+        return {**known, "unit": self.unit_of(group)}
 
     def unit_of(self, group: str) -> str:
         """Unit of an output group."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import InputError
-from ..._white_noise import noise_squares
 from ...laws import AXIS_EFFECTS
 from ...machine import (
     NOISY,
@@ -22,20 +21,19 @@ from ...machine import (
     measured_of,
     one_inertia,
 )
+from .._noise import Assumed
 from .._search import Prior
 from .._settings import SETTINGS
 from .model import OdeModel
 from .numbers import Numbers
 from .programs import Programs
 from .rows import Balance, FreeRun, OdeRun, smoothed
+from .sensor_noise import sensor_noise
 
-ORDERS = SETTINGS.free_build.orders
 CUTOFFS = SETTINGS.free_build.cutoffs
 ROWS = SETTINGS.free_build.rows
 LEADS = SETTINGS.free_build.leads
 AWAY = SETTINGS.free_build.away
-NOISE_FREE = SETTINGS.free_build.noise_free
-ERROR = SETTINGS.free_build.error
 LEAD = SETTINGS.free_build.lead
 WINDOWS = SETTINGS.free_build.windows
 TOGETHER = SETTINGS.free_build.together
@@ -46,28 +44,22 @@ SUMS = frozenset({"gravity", "gravity_angle", "offset", "rate_gain", "stiffness"
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
 
 
-def sensor_noise(logs: Sequence[Log]) -> tuple[float, str]:
-    """1-sigma of what was measured, and where it is from."""
-    declared = [log.noise[log.measured] for log in logs if log.measured in log.noise]
-    if declared:
-        return float(np.sqrt(np.mean(np.array(declared) ** 2))), "declared"
-    sigmas = []
-    for order in ORDERS:
-        squares = [np.mean(noise_squares(log.shown, order)) for log in logs]
-        sigmas.append(np.sqrt(np.mean(np.array(squares, float))))
-    return float(min(sigmas)), "differences"
-
-
-def cutoff_of(logs: Sequence[Log], noise: float) -> float:
+def cutoff_of(logs: Sequence[Log], noise: np.ndarray | float) -> float:
     """Hz: the widest low pass at which noise is a small part of the measured acceleration.
 
-    One for all logs, by the one that is sampled most coarsely.
+    One for all logs, by the one that is sampled most coarsely; half of them have to be so.  `noise`
+    is the 1-sigma of what was measured, one or (logs,).
     """
     step, measured = max(log.step for log in logs), logs[0].measured
+    sigmas = np.broadcast_to(noise, len(logs))
     for share in CUTOFFS:
         f = share / step
-        a = np.concatenate([smoothed(log.outputs["position"], log.step, f)[2] for log in logs])
-        if acceleration_noise(noise, measured, f, step) < NOISY * np.std(a):
+        fine = [
+            acceleration_noise(sigma, measured, f, step)
+            < NOISY * np.std(smoothed(log.outputs["position"], log.step, f)[2])
+            for log, sigma in zip(logs, sigmas, strict=True)
+        ]
+        if np.mean(fine) >= 0.5:
             return f
     return CUTOFFS[-1] / step
 
@@ -91,8 +83,8 @@ def priors_of(machine, uncertainty) -> list[Prior]:
 
 def build_model(
     case: MachineCase, laws: dict | None = None, programs: Programs | None = None
-) -> tuple[OdeModel, dict, list[str]]:
-    """(model, noise table, remarks) of a case; `laws` are users' own by id.
+) -> tuple[OdeModel, list[Assumed], list[str]]:
+    """(model, noise of what was measured by run, remarks) of a case; `laws` are users' own by id.
 
     `programs` keeps what is compiled, for the same case with its input read otherwise.
     """
@@ -100,11 +92,9 @@ def build_model(
     if measured_of(machine.outputs) is None:
         raise InputError(f"{file.source}: the machine has no output `position` or `velocity`.")
     measured = _measured(case.logs)
-    noise, source = sensor_noise(case.logs)
-    if noise <= 0:
-        noise = NOISE_FREE * float(np.std(case.logs[0].shown))
-        source = "noise-free"
-    cutoff = file.compare.cutoff or cutoff_of(case.logs, noise)
+    noise = sensor_noise(case.logs)
+    sigmas = np.array([x.sigma for x in noise])
+    cutoff = file.compare.cutoff or cutoff_of(case.logs, sigmas)
     runs = [
         OdeRun(log.name, log.role, log.time, log.inputs, log.outputs, cutoff, file.compare.hold,
                measured)
@@ -128,16 +118,15 @@ def build_model(
         return _free(numbers, run, memory, max(len(r.time) for r in runs))
 
     model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
-                     noise, file.placed, programs)  # fmt: skip
-    rows, sigma = model.measured.rows[0], float(model.row_noise.sigma[0])
-    table = {rows.group: {"sigma": sigma, "source": source, "error": ERROR}}
+                     sigmas, file.placed, programs)  # fmt: skip
+    rows = model.measured.rows[0]
     how = (
         f"Compared is the balance of accelerations: {measured} low-passed at {cutoff:.4g} Hz, rows "
         f"every {1e3 * rows.thin * runs[0].step:.4g} ms."
         if chosen == "balance" else
         f"Compared is the {measured} of free runs, simulated from the inputs alone."
     )  # fmt: skip
-    return model, table, [how]
+    return model, noise, [how]
 
 
 def _measured(logs: Sequence[Log]) -> str:

@@ -69,7 +69,7 @@ class AbstractColoured(AbstractModel):
 
     @abc.abstractmethod
     def left(self, point: Point, split: str) -> list[np.ndarray]:
-        """By run of a split its rows (rows,) at a point, in physical units."""
+        """By run of a split its rows (rows,) at a point, in sigma of each row."""
 
 
 def of_sensor(model: AbstractColoured, fit: Fit) -> np.ndarray:

@@ -1,6 +1,7 @@
 """A machine of a few states as evidence: groups, places, free runs, the learned term."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from ..._errors import RunError
 from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text, with_numbers
 from .._answer import AbstractEvidence
+from .._noise import Assumed
 from .._search import Point, discovered, number
 from .._settings import SETTINGS
 from .learned import learn_shaft
@@ -25,9 +27,10 @@ class OdeEvidence(AbstractEvidence):
     closing = SETTINGS.free_evidence.closing
     alike = SETTINGS.free_evidence.alike
 
-    def __init__(self, model: OdeModel, file: MachineFile, noise: dict, remarks: list[str],
-                 faults: list[str], blocks: bool):  # fmt: skip
-        self.model, self.file, self.noise, self.faults = model, file, noise, faults
+    def __init__(self, model: OdeModel, file: MachineFile, noise: Sequence[Assumed],
+                 remarks: list[str], faults: list[str], blocks: bool):  # fmt: skip
+        self.model, self.file, self.faults = model, file, faults
+        self.noise = {self.group: noise_of_rows(model, noise)}
         self.said, self.confirmed_on = remarks, "blocks" if blocks else "held-out"
 
     @property
@@ -111,7 +114,7 @@ class OdeEvidence(AbstractEvidence):
     def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""
         out = []
-        for run in self.model.measured.runs:
+        for run, noise in zip(self.model.measured.runs, self.model.noise, strict=True):
             unit = self.file.machine.outputs[run.measured]
             entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": unit}
             moved = float(np.std(run.shown))
@@ -122,7 +125,7 @@ class OdeEvidence(AbstractEvidence):
                     "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
                     "mae": float(np.mean(np.abs(error))) if finite else None,
                     "percent": 100 * float(np.std(error)) / moved
-                    if finite and moved > RESTS * self.model.noise
+                    if finite and moved > RESTS * noise
                     else None,
                 }
             out.append(entry)
@@ -133,6 +136,22 @@ class OdeEvidence(AbstractEvidence):
         if self.model.steps_in_time:
             return None
         return balance_error(self.model, point, "held-out")
+
+
+def noise_of_rows(model: OdeModel, noise: Sequence[Assumed]) -> dict[str, Any]:
+    """{sigma, error, source, declared} of the rows of held-out runs, RMS over these runs.
+
+    `noise` is that of what was measured, by run; a sigma that what no law explains has raised is
+    still no declared one.
+    """
+    rows, held = model.measured.rows, model.measured.splits["held-out"]
+    told = [x * rows[i].gain() for i in held if (x := noise[i].declared) is not None]
+    return {
+        "sigma": float(np.sqrt(np.mean(model.row_noise.sigma[held] ** 2))),
+        "error": max(noise[i].error for i in held),
+        "source": ", ".join(dict.fromkeys(noise[i].source for i in held)),
+        "declared": float(np.sqrt(np.mean(np.square(told)))) if told else None,
+    }
 
 
 def missed_output(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:

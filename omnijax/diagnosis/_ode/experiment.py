@@ -43,8 +43,8 @@ class _Proposed(AbstractProposed):
     def rows(self, points):
         thetas = np.stack([self.model.numbers.vector(p) for p in points])
         only = self.model.numbers.active(thetas)  # no other law is worth its time
-        return [self._measured(*self.model.numbers.build(x, only)) / self.model.noise
-                for x in thetas]  # fmt: skip
+        noise = np.median(self.model.noise)
+        return [self._measured(*self.model.numbers.build(x, only)) / noise for x in thetas]
 
     def _measured(self, machine, placed) -> np.ndarray:
         """The measured output (t,)."""

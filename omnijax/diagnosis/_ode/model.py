@@ -34,7 +34,8 @@ ROOM = SETTINGS.free_model.room
 class OdeModel(AbstractColoured):
     """A machine, its runs, the laws that may be missing; rows by one criterion a run.
 
-    `criterion(numbers, run)` gives the rows of a run; `noise` is the sensor's 1-sigma of position.
+    `criterion(numbers, run)` gives the rows of a run; `noise` is the sensor's 1-sigma of what was
+    measured, one or (runs,).
     `programs` are those of models of the same case, if there are any.
 
     Its parts: `measured` (runs and rows), `numbers` (what is free), `evaluation` (rows at a vector
@@ -58,11 +59,12 @@ class OdeModel(AbstractColoured):
         laws: dict[str, type[AbstractLaw]],
         places: Sequence[tuple[str, str]],
         criterion: Callable[[Numbers, OdeRun], Rows],
-        noise: float,
+        noise: np.ndarray | float,
         stated: tuple[PlacedLaw, ...] = (),
         programs: Programs | None = None,
     ):
-        self.machine, self.priors, self.laws, self.noise = machine, list(priors), laws, noise
+        self.machine, self.priors, self.laws = machine, list(priors), laws
+        self.noise = np.broadcast_to(noise, len(runs))
         room = [(laws[i], p) for i, p in places]
         room += [(laws[i], p) for i, p in places if "order" in laws[i].parameters] * (ROOM - 1)
         self.places = list(places)
@@ -70,7 +72,7 @@ class OdeModel(AbstractColoured):
         self.measured = Measured(runs, lambda run: criterion(numbers, run))
         self.evaluation = RowEvaluation(numbers, self.measured, programs or Programs())
         self.starts = FreeStarts(self.evaluation)
-        self.row_noise = RowNoise.of_sensor(noise, self.measured.rows)
+        self.row_noise = RowNoise.of_sensor(self.noise, self.measured.rows)
         self.scales = Scales.of(machine, self.measured.of("train"), runs[0].cutoff)
         self.explained: Fit | None = None  # the refit by which the floor was set
         self.colour: Colour | None = None  # of the rows of a balance, where they are not white
@@ -86,12 +88,17 @@ class OdeModel(AbstractColoured):
         return self.evaluation.values(thetas, self.measured.splits[split])
 
     def left(self, point: Point, split: str) -> list[np.ndarray]:
-        """By run of a split its rows (rows,) at a point, in physical units."""
-        return self.by_run(self.raw([point], split)[0], split)
+        """By run of a split its rows (rows,) at a point, in sigma of each row."""
+        return self.in_sigma(self.raw([point], split)[0], split)
 
     def by_run(self, rows: np.ndarray, split: str = "train") -> list[np.ndarray]:
         """Rows (..., rows) of a split by run."""
         return self.measured.parted(rows, self.measured.splits[split])
+
+    def in_sigma(self, rows: np.ndarray, split: str) -> list[np.ndarray]:
+        """Physical rows (..., rows) of a split by run, in sigma of each row."""
+        sigmas = self.row_noise.sigma[self.measured.splits[split]]
+        return [x / sigma for x, sigma in zip(self.by_run(rows, split), sigmas, strict=True)]
 
     def slopes(self, point: Point) -> np.ndarray:
         return self.evaluation.slopes(self.numbers.vector(point))
@@ -106,7 +113,8 @@ class OdeModel(AbstractColoured):
         Held-out rows also less what numbers can make that the train runs leave undecided.
         """
         if self.colour is not None:
-            return np.concatenate([self.colour.whitened(x) for x in self.by_run(table, split)], 1)
+            parts = self.in_sigma(table, split)
+            return np.concatenate([self.colour.whitened(x) for x in parts], 1)
         out = table * self.weights(split)
         self.starts.project(out, self.measured.splits[split])
         if split == "held-out" and self._undecided is not None:

@@ -21,9 +21,10 @@ class RowNoise:
     floor: float = 1.0
 
     @staticmethod
-    def of_sensor(noise: float, rows: Sequence[Rows]) -> "RowNoise":
-        """By white noise of 1-sigma `noise` in what is measured."""
-        return RowNoise(np.array([max(noise, 1e-300) * r.gain() for r in rows]))
+    def of_sensor(noise: np.ndarray, rows: Sequence[Rows]) -> "RowNoise":
+        """By white noise of 1-sigma `noise` (runs,) in what is measured."""
+        gains = np.array([r.gain() for r in rows])
+        return RowNoise(np.maximum(noise, 1e-300) * gains)
 
     def weights(self, measured: Measured, split: str) -> np.ndarray:
         """1/sigma (rows,) of a split, as if `inflation` rows said as much as one."""
