@@ -1,6 +1,7 @@
 """Strangers' logs: JSON and MCAP in any layout, and what `case new` guesses of them."""
 
 import gzip
+import inspect
 import json
 import shlex
 from pathlib import Path
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 
-from omnijax import cli
+from omnijax import cli, diagnose
+from omnijax.cli.diagnose import diagnose as command
 from omnijax.machine import (
     Axis,
     LogFile,
@@ -201,6 +203,54 @@ def test_a_copied_log_counts_once_whatever_its_file(tmp_path):
         in case.faults
     )
     assert "run holds the same samples as copy: they count once, and it is not used." in case.faults
+
+
+def test_a_log_of_another_machine_is_refused(tmp_path):
+    """`machine` was read and never looked at."""
+    table = wandering(drawn_anew("another"), 300)
+    np.savetxt(tmp_path / "other.csv", table, "%.9g", ",", header="t,input,position", comments="")
+    parts = {"run": 'machine = "machine.toml"', "other": 'machine = "no-such.toml"'}
+    case = case_of_parts(tmp_path, wandering(drawn_anew("own"), 300), parts)
+    assert {log.name for log in case.logs} == {"run train", "run held-out"}
+    (told,) = (x for x in case.faults if "no-such.toml" in x)
+    assert told.startswith("other.toml: `machine` names ") and told.endswith("The run is not used.")
+    own = read_machine_case(tmp_path, case.file)  # a machine that is given stands for all of them
+    assert len(own.logs) == 4
+
+
+@pytest.mark.parametrize("off, told", [(0.005, False), (0.02, True), (-0.5, True)])
+def test_a_rate_that_is_not_that_of_the_times_is_said(tmp_path, off, told):
+    """It took the place of a column of times without a word."""
+    rate = (1 + off) / STEP
+    table = wandering(drawn_anew("rate"), 300)
+    case = case_of_parts(tmp_path, table, {"run": f'rate = "{rate!r} Hz"'})
+    assert case.logs[0].step == pytest.approx(1 / rate)
+    said = f"`rate` says {rate:g} Hz, the column `t` of run.csv {1 / STEP:.4g} Hz; `rate` counts."
+    assert (f"run.toml: {said}" in case.faults) == told
+
+
+def test_rows_that_a_log_does_not_have_are_said(tmp_path):
+    """They were cut to the end of the file without a word."""
+    table = wandering(drawn_anew("rows"), 300)
+    case = case_of_parts(tmp_path, table, {"run": "rows = [100, 999]"})
+    assert sum(len(log.time) for log in case.logs) == 200
+    told = "run.toml: `rows` ends at 999, but run.csv has 300 rows; it is read to its end."
+    assert told in case.faults
+    with pytest.raises(InputError, match=r"`rows` begins at 300, but run\.csv has 300 rows"):
+        case_of_parts(tmp_path, table, {"run": "rows = [300, 999]"})
+
+
+def test_the_window_of_a_rig_is_none_of_an_axis(tmp_path, capsys):
+    """It was taken, and did nothing."""
+    case = case_of_parts(tmp_path, wandering(drawn_anew("window"), 300), {})
+    with pytest.raises(InputError, match="`window` speaks of a rig's runs"):
+        diagnose(case, window=7.0)
+    line = ["diagnose", str(tmp_path), "--window", "7", "--out", str(tmp_path / "out")]
+    assert cli.run(line) == 2
+    assert "--window speaks of a rig's runs" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    defaults = {inspect.signature(x).parameters["window"].default for x in (diagnose, command)}
+    assert len(defaults) == 1
 
 
 def test_a_constant_channel_is_in_its_unit(tmp_path):

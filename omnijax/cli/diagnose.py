@@ -10,6 +10,8 @@ from .._reading import existing
 from ._heap import give_back_freed_memory, keep_freed_memory
 from ._options import Force, Json, Whole, above_zero, command_line, emit
 
+WINDOW = 1.0  # s
+
 
 def diagnose(
     case: Path,
@@ -19,7 +21,7 @@ def diagnose(
     rig: Path | None = None,
     law: Annotated[list[Path] | None, Parameter(negative="")] = None,
     model: Path | None = None,
-    window: float = 1.0,
+    window: float = WINDOW,
     thin: Whole = 1,
     first: str | None = None,
     force: Force = False,
@@ -46,7 +48,7 @@ def diagnose(
         A Python file with a machine of your own, a class that derives from AbstractMachine; the
         file is run.
     window
-        Seconds after which Omega and the rolled lengths start anew.
+        Seconds after which Omega and the rolled lengths of a rig start anew.
     thin
         Compare one sample in so many, of runs that are too many for memory.
     first
@@ -78,7 +80,7 @@ def diagnose(
             raise InputError(f"{file}: another --law has a law of the id `{twice[0]}` already.")
         laws |= own
     folder = out or Path(f"diagnosis-{case.resolve().name}")
-    asked = _less(_case(case, rig, model), thin, above_zero("first", first, "s"))
+    asked = _less(_case(case, rig, model), window, thin, above_zero("first", first, "s"))
     claim(folders=[folder], force=force)
     diagnosis = run(asked, laws=laws, window=window, tell=tell)
     tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
@@ -99,12 +101,17 @@ def _case(folder: Path, rig: Path | None, model: Path | None) -> Any:
     return read_machine_case(folder, None if model is None else load_model(model))
 
 
-def _less(case: Any, thin: int, seconds: float | None) -> Any:
-    """The case with what `--thin` and `--first` leave of its runs."""
+def _less(case: Any, window: float, thin: int, seconds: float | None) -> Any:
+    """The case with what `--thin` and `--first` leave of its runs.
+
+    `InputError` for these, and for a `window`, where it is no rig's.
+    """
     from .._errors import InputError
     from ..recording import Case
 
     if not isinstance(case, Case):
+        if window != WINDOW:
+            raise InputError("--window speaks of a rig's runs; those of another machine have none.")
         if thin != 1 or seconds is not None:
             raise InputError(
                 "--thin and --first speak of a rig's runs: of a machine's log, `rows = [first, "

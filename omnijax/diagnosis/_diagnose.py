@@ -36,24 +36,27 @@ MOSTLY = SETTINGS.diagnose.mostly
 ERRORS = SETTINGS.diagnose.errors
 SLACK = SETTINGS.diagnose.slack
 ABOVE = SETTINGS.diagnose.above
+WINDOW = SETTINGS.diagnose.window
 
 
 def diagnose(
     case: str | Path | Case | MachineCase,
     *,
     laws: dict[str, Any] | None = None,
-    window: float = 1.0,
+    window: float = WINDOW,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
     """Diagnose a case: where do simulation and data disagree, and which missing effect is it?
 
     `case` is a folder (one rig file and its runs), a `Case` or a `MachineCase` (an axis, or a
     machine of the user's), `laws` are users' own laws by id
-    (`load_laws(file)`), `window` the length in s after which Omega and the rolled lengths start
-    anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
+    (`load_laws(file)`), `window` the length in s after which Omega and the rolled lengths of a rig
+    start anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal
+    answer.
 
     Figures are SI.  Raises `InputError` for a case that cannot be read, for one without a run
-    to learn from, for more samples than memory holds, and for laws under ids that are not theirs.
+    to learn from, for more samples than memory holds, for laws under ids that are not theirs, and
+    for the `window` of a machine that is no rig.
 
     Source: score tests and refits on whitened residuals, effects of `docs/formats.md`
     (`docs/limits.md`).
@@ -61,6 +64,8 @@ def diagnose(
     _check_ids(laws or {})
     if isinstance(case, str | Path):
         case = read_machine_case(case) if is_machine_case(case) else read_case(case)
+    if isinstance(case, MachineCase) and window != WINDOW:
+        raise InputError("`window` speaks of a rig's runs; those of another machine have none.")
     _warn_of_lists(laws or {})
     # small matrices: threads that wait for each other take ten times the time where cores are busy
     with threadpool_limits(1, "blas"):

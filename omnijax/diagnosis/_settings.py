@@ -26,6 +26,7 @@ class AxisCaseSettings:
 class DiagnoseSettings:
     """`diagnose`: a case in, a verdict with its evidence out."""
 
+    window: float = 1.0  # s, after which Omega and the rolled lengths of a rig start anew
     mostly: float = 1.25  # RMS of a channel over its white part, below which all of it is noise
     errors: float = 4.0  # 1-sigma of a measured level, up to which the model may show more
     slack: float = 0.05  # share of the level that is allowed beside those `errors`

@@ -33,10 +33,12 @@ def is_machine_case(folder: str | Path) -> bool:
 def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> MachineCase:
     """The machine of a folder (or `file`) and its runs; `InputError` where none can be used."""
     folder = existing(folder, "folder: a case is one, with machine.toml and logs")
-    file = load_machine(folder / "machine.toml") if file is None else file
+    own = folder / "machine.toml" if file is None else None
+    file = load_machine(own) if file is None else file
     logs, faults = [], []
     for one in _log_files(folder):
         try:
+            _check_machine(one, own)
             logs.append(read_log(one, file.machine.inputs, file.machine.outputs))
         except InputError as error:
             faults += [f"{x} The run is not used." for x in error.problems]
@@ -54,6 +56,16 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
         )
         logs = [part for log in logs for part in _parts(log)]
     return MachineCase(folder, file, logs, blocks, faults)
+
+
+def _check_machine(log: LogFile, own: Path | None) -> None:
+    """`InputError` for a log of another machine than the case's `own` file, where it has one."""
+    if own is None or log.machine is None or log.machine.resolve() == own.resolve():
+        return
+    raise InputError(
+        f"{log.path.name}: `machine` names {log.machine}, but the machine of this case is "
+        f"{own.name} beside it."
+    )
 
 
 def _share(log: Log, other: Log) -> float:

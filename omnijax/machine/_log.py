@@ -16,6 +16,7 @@ from ._unit_of_channel import factor_of
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
 ROLES = ("train", "held-out")
 LEAST = 64  # samples
+OTHER = 0.01  # share by which a stated rate is another one than that of the times
 TABLES: dict[str, tuple[tuple[type, ...], str]] = {  # of a NAME.toml: what their entries are
     "channels": ((str, int, float), "the name of a column, or a number"),
     "units": ((str,), "a unit"),
@@ -179,6 +180,7 @@ def read_log(
     signals = {name: _column(file, table, name, units[name], faults) for name in units}
     signals = {k: x for k, x in signals.items() if x is not None}
     if file.rate is not None:
+        faults += _other_rate(file, signals.get("t"))
         signals["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
     where = file.log.name
     _check_lengths(where, signals)
@@ -197,7 +199,7 @@ def read_log(
             f'[channels] {measured_of(outputs)} = "..." in {file.path.name}; columns: '
             f"{', '.join(list(table.columns)[:12])}."
         )
-    first, end = file.rows or (0, len(signals["t"]))
+    first, end = _rows(file, len(signals["t"]), faults)
     signals = {k: x[first:end] for k, x in signals.items()}
     for name in inputs:
         signals.setdefault(name, np.ones(len(signals["t"])))
@@ -205,8 +207,33 @@ def read_log(
     faults[:0] = [str(x) for x in table.faults if not x.column or x.column in used]
     log = _on_a_grid(file, signals, inputs, outputs, measured, noise, faults)
     column = str(file.channels.get(log.measured, log.measured))
-    rows = LogRows(file.log, column, first, first + len(signals["t"]))
-    return dataclasses.replace(log, rows=rows)
+    return dataclasses.replace(log, rows=LogRows(file.log, column, first, end))
+
+
+def _other_rate(file: LogFile, time: np.ndarray | None) -> list[str]:
+    """That the stated rate is not that of the times (t,) in s, where the log has some."""
+    steps = np.array([]) if time is None else np.diff(time)
+    steps = steps[steps > 0]
+    if not len(steps) or abs(usual_step(steps) * file.rate - 1) <= OTHER:
+        return []
+    return [
+        f"{file.path.name}: `rate` says {file.rate:g} Hz, the column `t` of {file.log.name} "
+        f"{1 / usual_step(steps):.4g} Hz; `rate` counts."
+    ]
+
+
+def _rows(file: LogFile, count: int, faults: list[str]) -> tuple[int, int]:
+    """The rows [first, end) of `count` that are read; `InputError` where none are there."""
+    first, end = file.rows or (0, count)
+    if first >= count:
+        raise InputError(f"{file.path.name}: `rows` begins at {first}, but {file.log.name} has "
+                         f"{count} rows.")  # fmt: skip
+    if end > count:
+        faults.append(
+            f"{file.path.name}: `rows` ends at {end}, but {file.log.name} has {count} rows; it is "
+            "read to its end."
+        )
+    return first, min(end, count)
 
 
 def _declared_noise(file: LogFile, units: Mapping[str, str]) -> dict[str, float]:
