@@ -61,11 +61,12 @@ def test_beside_a_gap_that_nothing_explains_limits_are_wider(verdict, wider):
         fit=SimpleNamespace(point=SimpleNamespace(effects=(at_w1("actuator-delay"),))),
     )  # fmt: skip
     limits = [
-        {"id": id, "place": "w1", "limit_95": x}
+        {"id": id, "place": "w1", "limit_95": x, "largest": 1.0}
         for id, x in (
             ("actuator-delay", 1e-5),
             ("actuator-lag", 1e-5),
             ("creep", 2e-4),
+            ("motor-gain", 0.5),
             ("gap", None),
         )
     ]
@@ -77,6 +78,7 @@ def test_beside_a_gap_that_nothing_explains_limits_are_wider(verdict, wider):
     assert told["bound-0.2"] == 4.0  # the lower the stronger: no wider one is excluded
     assert told["bound-0.5"] == (None if wider > 2 else 4.0)
     assert times == wider and told["creep"] == pytest.approx(wider * 2e-4)
+    assert told["motor-gain"] == (None if wider > 2 else 0.5)  # no larger one than 1 is possible
     assert told["gap"] is None and "actuator-delay" not in told
     assert ("actuator-lag" in told) == (verdict == "named")
 
@@ -110,3 +112,32 @@ def test_the_limit_of_a_saturation_is_the_highest_bound_that_the_runs_exclude():
     fit = refit(model, Point(np.zeros(0)))
     (limit,) = upper_limits(model, fit, Search(model).scan(fit)[1], set())
     assert (limit["parameter"], limit["unit"], limit["limit_95"]) == ("limit", "N m", 3.0)
+
+
+@pytest.mark.parametrize("size", [1e-22, 0.1, 1e3])
+@pytest.mark.parametrize("id, key", [("creep", "creepage"), ("sensor-gain", "g")])
+def test_no_limit_is_told_above_the_largest_size_that_an_effect_may_have(size, id, key):
+    """Of a creep of which nothing is seen the runs excluded more than 1.6e22: that was rounding."""
+    rng = drawn_anew("largest")
+    shape = np.linalg.qr(rng.normal(size=(1000, 1)))[0].T
+    noise = rng.normal(size=1000)
+    share = EFFECTS[id]
+
+    class Sharing(SmallModel):
+        def candidates(self, point):
+            unit = SimpleNamespace(law=share(np.asarray(1.0)))
+            return [Candidate(id, "w1", (unit,), lambda c: {key: c[0]})]
+
+        def columns(self, point, candidates):
+            return size * shape
+
+    def residual(values, laws, split):
+        return noise - size * sum(float(getattr(x, key)) for x in laws) * shape[0]
+
+    model = Sharing(residual, [], {id: share}, "w1")
+    fit = refit(model, Point(np.zeros(0)))
+    (limit,) = upper_limits(model, fit, Search(model).scan(fit)[1], set())
+    assert limit["parameter"] == key
+    assert (limit["limit_95"] is None) == (size < 1)
+    if size > 1:
+        assert limit["limit_95"] < 1

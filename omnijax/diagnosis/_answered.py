@@ -341,7 +341,8 @@ def _excluded(
     Beside one of them a second one is small, which says nothing of how large it is in its place.
     Where a gap is left that nothing explains a law may hide in it: limits are `unexplained` times
     as large, and none is told of what was near to an effect of the fit, of which none is named.
-    A bound is excluded where the law's own size there, so many times as large, is.
+    A bound is excluded where the law's own size there, so many times as large, is; no limit is told
+    above the largest size that its effect may have.
     """
     standing = {(e.id, e.place) for e in (*outcome.fit.point.effects, *effects)}
     standing |= {(x["id"], x["place"]) for e in effects for x in e.indistinguishable_from}
@@ -352,13 +353,14 @@ def _excluded(
 
 def _beside(limit: dict[str, Any], unexplained: float) -> dict[str, Any]:
     """A limit beside a gap in which its law may hide."""
-    told = {k: x for k, x in limit.items() if k != "share"}
+    told = {k: x for k, x in limit.items() if k not in ("share", "largest")}
     if told["limit_95"] is None:
         return told
     if "share" in limit:
         hidden = unexplained * limit["share"] >= 1
         return told | {"limit_95": None} if hidden else told
-    return told | {"limit_95": unexplained * told["limit_95"]}
+    wide = unexplained * told["limit_95"]
+    return told | {"limit_95": wide if wide < limit["largest"] else None}
 
 
 def _unexplained(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> float:

@@ -264,6 +264,7 @@ class LimitsSettings:
 
     draws: int = 400  # of strengths with several columns: the limit is then known to 3 %
     blocks: int = 64
+    whole: float = 1.0  # of a share: that of a gain, above which no limit says anything
 
 
 @dataclasses.dataclass(frozen=True)

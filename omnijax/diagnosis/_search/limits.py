@@ -7,6 +7,8 @@ distribution.  An estimate below what is possible excludes no more than zero doe
 Power-constrained limits, 2011).
 """
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from .through_laws import COLUMNS, variants_through_laws
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = SETTINGS.limits.draws
 BLOCKS = SETTINGS.limits.blocks
+WHOLE = SETTINGS.limits.whole
 # sizes whose variants stand for one effect: the least limit holds
 SMALLEST = ("gap", "delay", "tau")
 BOUND = "limit"  # a law that bounds what passes is the stronger the lower its bound
@@ -28,9 +31,10 @@ BOUND = "limit"  # a law that bounds what passes is the stronger the lower its b
 def upper_limits(
     model: AbstractModel, fit: Fit, signatures: Signatures, named: set[str]
 ) -> list[dict[str, Any]]:
-    """{id, place, parameter, limit_95, unit} of every effect and place but the `named` ones.
+    """{id, place, parameter, limit_95, unit, largest} of every effect and place but `named` ones.
 
-    `limit_95` is None where the runs say nothing about the effect.  Of a saturation it is the
+    `limit_95` is None where the runs say nothing about the effect: they would not show it, or but
+    at a size above the `largest` that it may have.  Of a saturation it is the
     highest bound tried that they exclude, `share` the 95 % limit of its law's own size there.
     Beside a law that is stepped in time others of its kind change something else than in the
     machine without it: their limits are of what they change there.
@@ -45,9 +49,10 @@ def upper_limits(
         if c.name in named:
             continue
         key, unit = size_of(model, c)
-        entry = {"id": c.id, "place": c.place, "parameter": key, "limit_95": None, "unit": unit}
+        entry = {"id": c.id, "place": c.place, "parameter": key, "limit_95": None, "unit": unit,
+                 "largest": largest_of(model, c.id, key)}  # fmt: skip
         old = best.setdefault(c.name, entry)
-        told = _limit(signatures, scan, score, fit.residual, key)
+        told = _limit(signatures, scan, score, fit.residual, entry)
         if told is not None and (old["limit_95"] is None or _holds(key, told, old)):
             best[c.name], holding[c.name] = {**entry, **told}, score
     if model.needs_stepping(fit.point.effects):
@@ -61,21 +66,22 @@ def upper_limits(
             scan = through.scan(fit.residual, taken, u)
             for score in scan.scores:
                 entry = best[score.candidate.name]
-                told = _limit(through, scan, score, fit.residual, entry["parameter"])
+                told = _limit(through, scan, score, fit.residual, entry)
                 entry.update(told or {"limit_95": None})
     return sorted(best.values(), key=lambda x: (x["id"], x["place"]))
 
 
 def _limit(
-    signatures: Signatures, scan: Scan, score: Score, residual: np.ndarray, key: str
+    signatures: Signatures, scan: Scan, score: Score, residual: np.ndarray, entry: Mapping[str, Any]
 ) -> dict[str, float] | None:
     """`limit_95` of one candidate, of a bound its `share` too; None where the runs say nothing."""
     if score.dead:
         return None
+    key = entry["parameter"]
     spread = inflation(signatures, score, residual)
     limit = limit_of(scan, score, spread, "share" if key == BOUND else key)
     if limit is None or key != BOUND:
-        return None if limit is None else {"limit_95": limit}
+        return {"limit_95": limit} if limit is not None and limit < entry["largest"] else None
     bound = float(score.candidate.decode(np.ones(len(score.coefficients)))[key])
     return {"limit_95": bound, "share": limit} if limit < 1 else None
 
@@ -94,6 +100,18 @@ def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
         if key in known:
             return key, known[key].unit
     return "share", "1"
+
+
+def largest_of(model: AbstractModel, id: str, key: str) -> float:
+    """The largest size that an effect's parameter may have, of either sign.
+
+    Its own bound; of strengths that are shares, as creep and gains, no more than the `WHOLE`.
+    """
+    known = model.laws[id].parameters.get(key)
+    if known is None:
+        return math.inf
+    largest = max(-known.low, known.high)
+    return min(largest, WHOLE) if known.linear and known.unit == "1" else largest
 
 
 def inflation(signatures: Signatures, score: Score, residual: np.ndarray) -> float:
