@@ -44,6 +44,8 @@ def _assumed(log: Log, levels: np.ndarray) -> Assumed:
     measured = float(levels.min())
     if measured == 0 and declared is None:
         return Assumed(NOISE_FREE * float(np.std(log.shown)), 0.0, "noise-free", declared)
-    moved = declared is not None and declared < measured and levels.max() > WHITE * measured
-    known = declared if measured == 0 or moved else measured
-    return Assumed(*combined(known, ERROR, "differences", declared), declared)
+    if declared is not None and (
+        measured == 0 or levels.max() > WHITE * measured > WHITE * declared
+    ):
+        measured = declared
+    return Assumed(*combined(measured, ERROR, "differences", declared), declared)
