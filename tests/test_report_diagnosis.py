@@ -13,8 +13,8 @@ from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect
 from omnijax.diagnosis._answer import JUDGES
 from omnijax.laws import EFFECTS, WheelRunout
 from omnijax.report import Page, diagnosis_page, provenance
-from omnijax.report._diagnosis import _answer
-from omnijax.report._diagnosis_figures import score_figure
+from omnijax.report._diagnosis import _answer, _where, _which
+from omnijax.report._diagnosis_figures import next_figure, score_figure
 from omnijax.report._diagnosis_numbers import closed
 from omnijax.report._diagnosis_sizes import sizes_section
 from omnijax.report._diagnosis_words import where_sentences
@@ -340,3 +340,41 @@ def test_scores_beside_what_is_named_say_so():
         "What each candidate would explain", "What each further candidate would explain",
     ]  # fmt: skip
     assert "beside bearing-coulomb at w2" in beside.caption and "beside" not in alone.caption
+
+
+@pytest.mark.parametrize("confirmed_on, shown", [
+    ("held-out", "on a run that was not fitted"),
+    ("blocks", "on a part of a run that was kept out of the fit"),
+    ("nothing", "on the fitted run itself"),
+])  # fmt: skip
+def test_where_a_gap_was_asked_for_is_said(confirmed_on, shown):
+    """A run that was fitted was called one that was not."""
+    found, _ = diagnosis()
+    found.confirmed_on = confirmed_on
+    found.where = [{"channel": "dR_x", "domain": "order", "value": 1.0, "reference": "w2",
+                    "share": 0.9, "p": 0.0, "rms_over_noise": 9.0, "stands": True}]  # fmt: skip
+    found.rig = SimpleNamespace(names=("w1", "w2"))
+    (section,) = _where(found)
+    assert f"Before any effect is added, {shown}." in section.text
+
+
+def test_no_law_is_said_to_be_refitted_that_was_only_scored():
+    found, _ = diagnosis()
+    text = _which(found).text
+    assert "was scored at every place" in text and "the best few of each step were refitted" in text
+
+
+@pytest.mark.parametrize("names, unit, label", [
+    (("w1", "w2"), "N m", "motor torque (N m)"), ({"input": "axis"}, "V", "input (V)"),
+    (None, "A", "input (A)"),
+])  # fmt: skip
+def test_the_proposed_input_is_in_its_unit(names, unit, label):
+    """Volts were drawn as N m of a motor's torque."""
+    count = len(names) if isinstance(names, tuple) else 1
+    torque = {"unit": unit, "step": 0.02, "values": np.ones((9, count)).tolist()}
+    found = SimpleNamespace(next_experiment={"drive": "a sine", "torque": torque},
+                            rig=SimpleNamespace(names=names))  # fmt: skip
+    drawn = next_figure(found)
+    assert drawn.fig.axes[0].get_ylabel() == label
+    assert list(drawn.data)[1].endswith(f" / {unit}")
+    assert drawn.caption == f"{label.rpartition(' (')[0].capitalize()} of: a sine."

@@ -129,7 +129,7 @@ def _where(diagnosis) -> list[Section]:
     table = Table(columns, rows, "where", note, folded=True)
     text = " ".join(where_sentences(diagnosis))
     text += (
-        "\n\nBefore any effect is added, on a run that was not fitted. Beyond chance: against "
+        f"\n\nBefore any effect is added, on {diagnosis.judges.shown}. Beyond chance: against "
         "residuals whose blocks are shuffled, fewer than 1 % false discoveries."
     )
     figures = [order_figure(diagnosis)] if diagnosis.details and diagnosis.details["where"] else []
@@ -151,7 +151,8 @@ def _which(diagnosis) -> Section:
                Column("not to be told from", text=True)]  # fmt: skip
     tables = [Table(columns, rows, "effects", f"{NAMES[diagnosis.verdict]}.")] if rows else []
     text = (
-        "Every law of the library was tried at every place it may have, refitted with the baseline."
+        "Every law of the library was scored at every place it may have, with the baseline free "
+        "beside it; the best few of each step were refitted together with it."
     )
     if diagnosis.next_experiment:
         text += f"\n\nNext experiment: {diagnosis.next_experiment['drive']}."

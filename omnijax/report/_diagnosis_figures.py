@@ -88,22 +88,24 @@ def limits_figure(known: list[dict[str, Any]]) -> Figure:
 
 
 def next_figure(diagnosis) -> Figure:
-    """The torques of the proposed run."""
+    """The torques of the proposed run, of an axis its input."""
     torque = diagnosis.next_experiment["torque"]
-    values = np.asarray(torque["values"])
+    values, unit = np.asarray(torque["values"]), torque["unit"]
     time = np.arange(len(values)) * torque["step"]
     data: dict[str, Any] = {"time / s": time}
     with style():
         fig, axes = figure(1, 1, height=3.0)
-        names = getattr(diagnosis.rig, "names", None) or ["input"]
-        names = ["input"] if isinstance(names, dict) else names
-        for name, x in zip(names, values.T, strict=True):
+        wheels = getattr(diagnosis.rig, "names", None)
+        wheels = () if wheels is None or isinstance(wheels, dict) else wheels
+        for name, x in zip(wheels or ("input",), values.T, strict=True):
             axes[0].plot(time, x, label=name)
-            data[f"{name} / N m"] = x
-        axes[0].set(xlabel="time (s)", ylabel="motor torque (N m)")
+            data[f"{name} / {unit}"] = x
+        said = "motor torque" if wheels else "input"
+        axes[0].set(xlabel="time (s)", ylabel=f"{said} ({unit})")
         axes[0].set_title("The run that tells the rivals apart")
         axes[0].legend(ncols=len(values.T))
-    return Figure(fig, "next-torque", f"Torques of: {diagnosis.next_experiment['drive']}.", data)
+    note = f"{said.capitalize()} of: {diagnosis.next_experiment['drive']}."
+    return Figure(fig, "next-torque", note, data)
 
 
 def gap_figure(diagnosis) -> Figure:
