@@ -19,8 +19,9 @@ from omnijax._errors import DataWarning, RunError
 from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
-from omnijax.study._constraints import CaseResult, Constraint, all_limits, all_values
+from omnijax.study._constraints import CaseNames, CaseResult, Constraint, all_limits, all_values
 from omnijax.study._design.answer import make_design
+from omnijax.study._design.cases import RigCases
 from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
@@ -773,8 +774,44 @@ def test_each_bound_of_a_preload_holds_the_wheel_that_is_nearest_to_it():
     for name, value in zip(rig.names, preload, strict=True):
         rig = omnijax.set_parameter(rig, f"wheel.{name}.closure.preload", value)
     wanted = (Constraint("preload", low=60.0, high=100.0), Constraint("rms", 1e-6, 1e-3))
-    limits, index = all_limits(wanted, rig, ("a", "b"))
+    limits, index = all_limits(wanted, rig, CaseNames(("a", "b")))
     values = all_values(wanted, CaseResult(rig, None, None, "coupled"), {"rms": jnp.asarray(2e-4)})
     np.testing.assert_allclose(values, [-preload.min(), preload.max(), -2e-4, 2e-4])
     assert [x.bound for x in limits] == [-60, 100, *[-1e-6, 1e-3] * 2]
     assert index.tolist() == [0, 1, 2, 3, 6, 7]
+
+
+@pytest.mark.parametrize("loads", [("strong", "weak"), ("weak", "strong")])
+def test_a_preload_that_loads_change_is_held_under_each_load_and_not_under_each_drive(loads):
+    """It was held under the first load alone, so the order of the loads decided the verdict."""
+    rig = omnijax.load_rig("atlas")
+    cases = tuple(f"{drive}, {load}" for drive in ("slow", "fast") for load in loads)
+    wanted = (Constraint("preload", low=100.0), Constraint("rms", high=1e-3))
+    names = CaseNames(cases, loads, ("wheel.w1.closure.preload",))
+    limits, index = all_limits(wanted, rig, names)
+    assert [x.text for x in limits if "preload" in x.text] == [
+        f"preload ({load}) >= 100 N" for load in loads
+    ]
+    assert index.tolist() == [0, 1, 2, 3, 5, 7]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_load_of_too_little_preload_makes_a_design_infeasible_in_any_order(order):
+    loads = [
+        {"name": "strong", "set": {"closure.preload": 150.0}},
+        {"name": "weak", "set": {"closure.preload": 20.0}},
+    ]
+    study = parse_study({
+        "rig": "atlas",
+        "drive": [{"speed": [1, 2, 3]}],
+        "variable": [{"path": "wheel.roundness", "low": 0.2, "high": 0.6}],
+        "objective": {"metric": "rms"},
+        "load": loads[::order],
+        "constraint": [{"quantity": "preload", "min": 100.0}],
+    })  # fmt: skip
+    cases = RigCases(study)
+    _, held = cases.limits()
+    values = cases.constraints(
+        jnp.array([0.4]), jnp.zeros((1, 0)), jnp.zeros((2, 1, len(cases.metrics)))
+    )
+    assert sorted(np.asarray(values).reshape(-1)[held].tolist()) == [-150.0, -20.0]

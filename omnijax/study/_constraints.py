@@ -72,7 +72,7 @@ class ConstraintKind(NamedTuple):
     names: Callable[[Constraint, Rig], tuple[str, ...]]
     of: Callable[[Constraint, CaseResult], Array]
     meaning: str
-    per_case: bool = True  # whether it depends on drive and load
+    parameter: str = ""  # end of the only paths it depends on; empty: on drive and load
     reads_run: bool = False
 
 
@@ -124,7 +124,7 @@ QUANTITIES: dict[str, ConstraintKind] = {
         lambda wanted, rig: ("preload",),
         _preload,
         "static normal force of the contacts",
-        per_case=False,
+        parameter="closure.preload",
     ),
     "patch_pressure": ConstraintKind(
         "Pa",
@@ -156,25 +156,42 @@ def _sides(constraints: tuple[Constraint, ...]) -> list[Constraint]:
     return [side for wanted in constraints for side in wanted.sides]
 
 
+class CaseNames(NamedTuple):
+    """What the cases are called: drives first, loads second; and the paths that loads set."""
+
+    cases: tuple[str, ...]
+    loads: tuple[str, ...] = ("",)
+    paths: tuple[str, ...] = ()
+
+    def held(self, parameter: str) -> tuple[str, ...]:
+        """Names of the first cases, in which what depends on `parameter` alone shows every value.
+
+        These are all cases without `parameter`, else those of the first drive under each load, or
+        one without a name where no load changes it.
+        """
+        if not parameter:
+            return self.cases
+        return self.loads if any(path.endswith(parameter) for path in self.paths) else ("",)
+
+
 def all_limits(
-    constraints: tuple[Constraint, ...], rig: Rig, cases: tuple[str, ...]
+    constraints: tuple[Constraint, ...], rig: Rig, names: CaseNames
 ) -> tuple[list[Limit], np.ndarray]:
     """The limits of all cases, and where they stand in the stacked `all_values` (k c,).
 
-    What does not depend on the case is held once.
+    What depends on one parameter alone is held once for each load that changes it.
     """
     limits_of_all, place, index = [], 0, []
-    for k, case in enumerate(cases):
+    for k in range(len(names.cases)):
         for wanted in _sides(constraints):
             kind = QUANTITIES.get(wanted.quantity)
-            common = kind is not None and not kind.per_case
-            names = kind.names(wanted, rig) if kind else (wanted.quantity,)
+            held = names.held(kind.parameter if kind else "")
+            entries = kind.names(wanted, rig) if kind else (wanted.quantity,)
             unit = kind.unit if kind else METRICS[wanted.quantity].unit
-            limits = wanted.limits(names, unit, "" if common else case)
-            if not (common and k):
-                limits_of_all += limits
-                index += range(place, place + len(limits))
-            place += len(limits)
+            if k < len(held):
+                limits_of_all += wanted.limits(entries, unit, held[k])
+                index += range(place, place + len(entries))
+            place += len(entries)
     return limits_of_all, np.array(index, int)
 
 

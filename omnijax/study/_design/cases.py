@@ -12,7 +12,14 @@ from ..._errors import InputError
 from ...rig import Rig, get_parameter, put_parameter
 from ...simulation import SpeedDrive, TorqueDrive
 from .._batches import each
-from .._constraints import CaseResult, all_values, metrics_of, reads_runs
+from .._constraints import (
+    CaseNames,
+    CaseResult,
+    all_limits,
+    all_values,
+    metrics_of,
+    reads_runs,
+)
 from .._evaluation import (
     BULK,
     METHODS,
@@ -27,7 +34,7 @@ from .._evaluation import (
 )
 from .._file import Study
 from .._parameters import checked_parameters, part_problems, values_of
-from .._problem import FigureRows
+from .._problem import FigureRows, Limit
 from .._sobol import sobol_points
 
 # Steady states of a design from which on they go in bulk: one alone takes 5 to 12 ms, 64 in bulk 30
@@ -155,6 +162,13 @@ class RigCases:
             for drive in self.study.drives
             for load in self.study.loads
         )
+
+    def limits(self) -> tuple[list[Limit], np.ndarray]:
+        """The limits of all cases, and where they stand among the stacked constraints (k c,)."""
+        loads = self.study.loads
+        loaded = tuple(load.name for load in loads) if len(loads) > 1 else ("",)
+        names = CaseNames(self.cases, loaded, self.load_paths)
+        return all_limits(self.study.constraints, self.study.rig, names)
 
     def rig(self, x, load=None, draw=None) -> Rig:
         """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""

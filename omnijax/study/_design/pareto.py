@@ -17,7 +17,6 @@ import numpy as np
 from ..._errors import InputError, RunError, tell
 from ..._text import listed
 from ...vibration import METRICS
-from .._constraints import all_limits
 from .._file import Study, study_of
 from .._problem import FigureRows, Limit, Problem, Variable, check_variables
 from .._range import Ranges
@@ -274,7 +273,7 @@ def pareto(
         tell(["a front takes the parts at their nominal values: [tolerance] counts for nothing."])
     plain = dataclasses.replace(asked, tolerances=())
     cases = RigCases(plain, names)
-    limits, held = all_limits(plain.constraints, plain.rig, cases.cases)
+    limits, held = cases.limits()
 
     def combined(values, g):
         return jnp.mean(values[:, 0, : len(names)], axis=0), g[:, 0].reshape(-1)[held]

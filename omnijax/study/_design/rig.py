@@ -8,7 +8,6 @@ from jaxtyping import Array
 
 from ..._arrays import largest
 from ...vibration import METRICS
-from .._constraints import all_limits
 from .._file import Study
 from .._problem import Many, Problem
 from .cases import RigCases
@@ -64,7 +63,7 @@ def figures_of(
 def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
     """The problem of a study."""
     cases = RigCases(study) if cases is None else cases
-    limits, held = all_limits(study.constraints, study.rig, cases.cases)
+    limits, held = cases.limits()
     many = bool(cases.parts) and study.spread == "worst"
     draws = cases.draws()
     names = cases.cases
