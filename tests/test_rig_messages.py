@@ -123,7 +123,7 @@ EFFECTS = [
     (block("contact-relaxation", "w1", K1=1, tau=0), "tau` must lie in (0, inf), but is 0."),
     (
         block("damaged-roller", "w1", roller=14, severity=1),
-        "must be a whole number in [0, 13], but",
+        "must lie in [0, 13], but",
     ),
     (block("damaged-roller", "w1", roller=1.5, severity=1), "must be a whole number in [0, 13]"),
     (block("unbalance", "sphere", offset=[1, 2]), "must be a list of 3 numbers, but is [1, 2]."),
@@ -191,8 +191,26 @@ def test_hertz_contact_needs_a_preload():
     data["wheel"][1]["closure"]["preload"] = 0
     with pytest.raises(InputError, match=r"`effect\.contact-hertz\.w2` needs a preload"):
         parse_rig(data)
+    data["wheel"][1]["closure"]["preload"] = "0 N"  # text was not compared
+    with pytest.raises(InputError, match=r"`wheel\.w2\.closure\.preload` is 0\."):
+        parse_rig(data)
     data["effect"][0]["place"] = "w1"
     parse_rig(data)
+
+
+def test_a_damaged_roller_is_one_of_the_wheel_however_their_number_is_written():
+    data = with_effects(block("damaged-roller", "w2", roller=14, severity=0.1))
+    data["wheel"][1]["rollers"] = "14"
+    with pytest.raises(InputError, match=r"roller` must lie in \[0, 13\], but is 14"):
+        parse_rig(data)
+
+
+def test_no_wheel_is_called_by_the_word_for_all_of_a_drive():
+    """A wheel called scale took the place of `speed.scale`."""
+    data = tables()
+    data["wheel"][1]["name"] = "scale"
+    with pytest.raises(InputError, match=r"`wheel.scale.name` must not be 'scale': the word has"):
+        parse_rig(data)
 
 
 def test_dual_row_wheels_are_mostly_roller():

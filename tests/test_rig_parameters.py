@@ -91,6 +91,67 @@ def test_isotropic_inertia_may_become_a_tensor():
     assert rig.sphere.inertia_matrix.tolist() == (2.0 * np.eye(3)).tolist()
 
 
+def test_a_tensor_may_become_isotropic_inertia_again():
+    """A number filled all nine entries: a singular inertia, with which runs were wrong."""
+    tensor = set_parameter(RIG, "sphere.inertia", np.diag([0.020, 0.021, 0.022]))
+    wanted = (0.03 * np.eye(3)).tolist()
+    for given in (0.03, "0.03 kg m^2", jnp.asarray(0.03)):
+        rig = set_parameter(tensor, "sphere.inertia", given)
+        assert rig.sphere.inertia_matrix.tolist() == wanted
+        assert get_parameter(rig, "sphere.inertia") == 0.03
+
+    def matrix(x):
+        return set_parameter(tensor, "sphere.inertia", x).sphere.inertia_matrix
+
+    assert jax.vmap(matrix)(jnp.array([0.03, 0.04]))[0].tolist() == wanted
+    assert jax.jacobian(matrix)(0.03).tolist() == np.eye(3).tolist()
+    with pytest.raises(
+        InputError, match=r"`sphere.inertia` has shape \(\), but the value has \(3,"
+    ):
+        jax.jit(matrix)(jnp.ones(3))
+
+
+def test_directions_that_are_set_are_held_to_what_files_are():
+    """Lengths up to 1 % off stayed as they were, and any angle between the two was taken."""
+    normal = np.asarray(RIG.wheels.normal[0])
+    rig = set_parameter(RIG, "wheel.w1.normal", 1.005 * normal)
+    assert rig.wheels.normal[0].tolist() == normal.tolist()
+    tilted = 1.004 * normal + 0.004 * np.asarray(RIG.wheels.drive[0])
+    rig = set_parameter(RIG, "wheel.w1.normal", tilted.tolist())
+    given = RIG.wheels.drive[0].tolist()
+    data = tables((("wheel", 0, "normal"), tilted.tolist()), (("wheel", 0, "drive"), given))
+    of_file = parse_rig(data).wheels
+    assert rig.wheels.normal[0].tolist() == of_file.normal[0].tolist()
+    assert rig.wheels.drive[0].tolist() == of_file.drive[0].tolist()
+    for value in (RIG.wheels.drive[0], ["0", "0", "1"], RIG.wheels.drive):
+        path = "wheel.normal" if np.ndim(value) == 2 else "wheel.w1.normal"
+        with pytest.raises(InputError, match=rf"`{path}`: `drive` of w1 must be perpendicular to"):
+            set_parameter(RIG, path, value)
+
+
+def test_a_preload_of_0_is_refused_where_hertz_contacts_need_one():
+    for path in ("closure.preload", "wheel.w2.closure.preload"):
+        with pytest.raises(
+            InputError, match=r"needs a preload, but `wheel.w\d.closure.preload` is"
+        ):
+            set_parameter(RIG, path, "0 N")
+    set_parameter(load_rig("atlas"), "closure.preload", 0)
+
+
+def test_numbers_of_a_group_of_sensors_have_its_unit():
+    rig = parse_rig(with_effects(effect("sensor-saturation", "dR", limit="1 mm")))
+    assert get_parameter(rig, "effect.sensor-saturation.dR.limit") == 1e-3
+    assert parameter_info(rig, "effect.sensor-saturation.dR.limit").unit == "m"
+
+
+def test_the_number_of_a_damaged_roller_is_whole():
+    rig = parse_rig(with_effects(effect("damaged-roller", "w1", roller=3, severity=0.1)))
+    path = "effect.damaged-roller.w1.roller"
+    assert parameter_info(rig, path).whole
+    with pytest.raises(InputError, match="must be a whole number in"):
+        set_parameter(rig, path, 2.5)
+
+
 def test_unknown_paths_and_wrong_shapes():
     for wrong, near in [
         ("contact.stifness", "contact.stiffness"),

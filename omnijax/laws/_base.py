@@ -18,7 +18,8 @@ class Parameter(NamedTuple):
     `unit` is an SI unit, `low` and `high` the physically allowed range, `linear` says that the
     law's output is proportional to it (so that its value at zero is no effect), `shape` is the
     length of a vector parameter (0: a scalar, `ANY_LENGTH`: a list), `optional` that a rig file may
-    leave it out, `above` that `low` itself is excluded (the law divides by the parameter).
+    leave it out, `above` that `low` itself is excluded (the law divides by the parameter), `whole`
+    that it counts something.
     """
 
     unit: str
@@ -28,6 +29,7 @@ class Parameter(NamedTuple):
     shape: int = 0
     optional: bool = False
     above: bool = False
+    whole: bool = False
 
 
 class AbstractLaw(eqx.Module):

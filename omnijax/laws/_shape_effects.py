@@ -64,7 +64,7 @@ class DamagedRoller(AbstractShape):
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "in gap j ρ times (1 + s)"
     parameters: ClassVar[dict[str, Parameter]] = {
-        "roller": Parameter("1", low=0),
+        "roller": Parameter("1", low=0, whole=True),
         "severity": Parameter("1", linear=True),
     }
 

@@ -11,10 +11,9 @@ from pydantic import ValidationError
 from .._errors import did_you_mean
 from .._problems import sentence
 from ._check_effects import effect_problems
-from ._directions import directed
+from ._directions import directed, not_perpendicular
 from ._kinds import kind_of
 from ._parameters import scalar_paths
-from ._quantities import UNIT_TOLERANCE
 from ._schema import (
     GROUPS,
     MOST_WHEELS,
@@ -23,12 +22,13 @@ from ._schema import (
     SphereTable,
     WheelTable,
     channels,
+    number_in,
     quantities,
 )
 from ._table_profile import read_profile
 from ._uncertain import open_paths, wrong_unit
 
-RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
+RESERVED = {"all", "sphere", "platform", "scale", *WheelTable.model_fields, *GROUPS}
 _OTHERS = {
     "study": "is a study file, not a rig file: its machine stands under `rig`.",
     "machine": "is a machine file (of an axis), not a rig file.",
@@ -135,38 +135,28 @@ def _name_problems(names: list[str]) -> Iterator[str]:
             yield f"`wheel.{name}.name` must be printable text without dots, but is {name!r}."
 
 
-def _read(table: Any, key: str, mapping: Any) -> Any:
-    """A number of a table where it is well-formed, else None (the schema has told of it)."""
-    try:
-        return quantities(table)[key].read(mapping[key])
-    except (KeyError, TypeError, ValueError):
-        return None
-
-
 def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str]:
     """What the keys of one wheel together get wrong; begins inside the backticks."""
-    normal, drive = (_read(WheelTable, key, wheel) for key in ("normal", "drive"))
-    if normal is not None and drive is not None:
-        dot = sum(a * b for a, b in zip(normal, drive, strict=True))
-        if abs(dot) > UNIT_TOLERANCE:
-            yield (
-                f"drive` must be perpendicular to `normal` (dot product 0 within "
-                f"{UNIT_TOLERANCE:g}), but their dot product is {dot:.7g}."
-            )
+    normal, drive = (number_in(WheelTable, key, wheel) for key in ("normal", "drive"))
+    if normal is not None and drive is not None and (wrong := not_perpendicular(normal, drive)):
+        yield f"drive` {wrong}"
     profile = wheel.get("profile")
     for key, owner in (("row_spacing", "dual-row"), ("table", "table")):
         if profile == owner and key not in wheel:
             yield f"{key}` is missing: profile {owner!r} needs it."
         if profile != owner and key in wheel:
             yield f"{key}` belongs to profile {owner!r} only, but the profile is {profile!r}."
-    roundness = _read(WheelTable, "roundness", wheel)
+    roundness = number_in(WheelTable, "roundness", wheel)
     if profile == "dual-row" and roundness is not None and roundness > 0.5:
         yield (
             f"roundness` must lie in [0, 0.5] for profile 'dual-row', but is {roundness!r}: "
             "above it both rows show a gap at once."
         )
-    rollers, radius = _read(WheelTable, "rollers", wheel), _read(WheelTable, "radius", wheel)
-    sphere = _read(SphereTable, "radius", data.get("sphere"))
+    rollers, radius = (
+        number_in(WheelTable, "rollers", wheel),
+        number_in(WheelTable, "radius", wheel),
+    )
+    sphere = number_in(SphereTable, "radius", data.get("sphere"))
     if roundness is not None and rollers and radius and sphere:
         reach = radius * math.sin(min(roundness * math.pi / rollers, math.pi / 2))
         if reach >= sphere:
@@ -185,14 +175,14 @@ def _sphere_problems(sphere: Any) -> Iterator[str]:
     """A body inside its own surface: centre of mass, and inertia that its mass allows."""
     if not isinstance(sphere, Mapping):
         return
-    radius, mass = (_read(SphereTable, key, sphere) for key in ("radius", "mass"))
-    centre = _read(SphereTable, "centre_of_mass", sphere)
+    radius, mass = (number_in(SphereTable, key, sphere) for key in ("radius", "mass"))
+    centre = number_in(SphereTable, "centre_of_mass", sphere)
     if centre is not None and radius is not None and math.hypot(*centre) >= radius:
         yield (
             f"`sphere.centre_of_mass` must lie inside the sphere (radius {radius:g} m), but is "
             f"{math.hypot(*centre):g} m from its centre."
         )
-    inertia = _read(SphereTable, "inertia", sphere)
+    inertia = number_in(SphereTable, "inertia", sphere)
     if inertia is None:
         return
     rows = (

@@ -1,5 +1,6 @@
 """What is wrong with the `[[effect]]` blocks of a rig file."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,10 @@ from .._errors import did_you_mean
 from ..laws import ANY_LENGTH, EFFECTS
 from ._declaration import declared_laws
 from ._parameters import law_quantity
-from ._placed import stands_twice
+from ._placed import stands_twice, without_preload
 from ._places import ONE_WHEEL, WORDS, places_of, port_words
 from ._quantities import Quantity
+from ._schema import ClosureTable, WheelTable, number_in
 from ._user_laws import rigs_laws
 
 
@@ -96,18 +98,20 @@ def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:
             if not parameter.optional:
                 yield f"`{key}.{name}` is missing. Give a value in {quantity.unit}."
             continue
+        if law.id == "damaged-roller" and isinstance(quantity, Quantity) and quantity.whole:
+            quantity = _of_one_roller(quantity, place, wheels)
         try:
-            value = quantity.read(given[name])
+            quantity.read(given[name])
         except ValueError as error:
             yield f"`{key}.{name}` {error}"
-            continue
-        if law.id == "damaged-roller" and name == "roller":
-            yield from _roller_problems(f"{key}.{name}", value, place, wheels)
     yield from _length_problems(law, key, given)
     if law.id in ("wheel-runout",):
         yield from _runout_problems(key, given, place, wheels)
-    if law.id == "contact-hertz":
-        yield from _preload_problems(key, place, wheels)
+    preloads = {
+        str(wheel.get("name")): number_in(ClosureTable, "preload", wheel.get("closure"))
+        for wheel in wheels
+    }
+    yield from without_preload(law.id, place, preloads)
 
 
 def _length_problems(law: Any, key: str, given: Mapping) -> Iterator[str]:
@@ -119,13 +123,12 @@ def _length_problems(law: Any, key: str, given: Mapping) -> Iterator[str]:
         yield f"the lists of `{key}` must be equally long, but have these entries: {counts}."
 
 
-def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:
-    """A roller's number is whole and below the wheel's number of rollers."""
-    rollers = [wheel.get("rollers") for wheel in wheels if wheel.get("name") == place]
-    count = rollers[0] if rollers and isinstance(rollers[0], int | float) else None
-    if value != int(value) or (count is not None and value >= count):
-        top = "" if count is None else f" in [0, {count - 1:g}]"
-        yield f"`{key}` must be a whole number{top}, but is {value!r}."
+def _of_one_roller(quantity: Quantity, place: str, wheels) -> Quantity:
+    """The range of a roller's number: below the wheel's number of rollers."""
+    rollers = [number_in(WheelTable, "rollers", x) for x in wheels if x.get("name") == place]
+    if not rollers or rollers[0] is None:
+        return quantity
+    return dataclasses.replace(quantity, high=rollers[0] - 1)
 
 
 def _runout_problems(key: str, given: Mapping, place: str, wheels) -> Iterator[str]:
@@ -140,13 +143,3 @@ def _runout_problems(key: str, given: Mapping, place: str, wheels) -> Iterator[s
             f"`{key}.amplitude` must lie below the wheel's radius {min(radii):g} m, but is "
             f"{given['amplitude']!r}."
         )
-
-
-def _preload_problems(key: str, place: str, wheels) -> Iterator[str]:
-    """Hertz contact has its tangent at the preload, so it needs one."""
-    for wheel in wheels:
-        closure = wheel.get("closure")
-        preload = closure.get("preload") if isinstance(closure, Mapping) else None
-        if place in {"all", wheel.get("name")} and preload == 0:
-            name = f"wheel.{wheel.get('name')}.closure.preload"
-            yield f"`{key}` needs a preload, but `{name}` is {preload!r}."

@@ -9,7 +9,7 @@ circle of latitude and positive where it turns towards the lower pole.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ._quantities import ROUND_OFF, UNIT_TOLERANCE, Quantity, Vector
@@ -53,6 +53,39 @@ def unit_vectors(zenith: float, azimuth: float, skew: float = 0.0) -> tuple[list
     return _clean(normal), _clean(drive)
 
 
+def exact_vectors(
+    normal: Sequence[float], drive: Sequence[float]
+) -> tuple[Sequence[float], Sequence[float]]:
+    """A wheel's two directions with length 1 at right angles; as they are where they nearly are.
+
+    `normal` keeps its direction.
+    """
+    length = math.hypot(*normal), math.hypot(*drive)
+    off = max(abs(length[0] - 1), abs(length[1] - 1), abs(_dot(normal, drive)))
+    if off <= ROUND_OFF:
+        return normal, drive
+    unit = [x / length[0] for x in normal]
+    dot = _dot(unit, drive)
+    across = [b - dot * a for a, b in zip(unit, drive, strict=True)]
+    size = math.hypot(*across)
+    return unit, [x / size for x in across]
+
+
+def not_perpendicular(normal: Sequence[float], drive: Sequence[float]) -> str:
+    """What is wrong with the angle between them, behind `drive`; empty where it is a right one."""
+    dot = _dot(normal, drive)
+    if abs(dot) <= UNIT_TOLERANCE:
+        return ""
+    return (
+        f"must be perpendicular to `normal` (dot product 0 within {UNIT_TOLERANCE:g}), but their "
+        f"dot product is {dot:.7g}."
+    )
+
+
+def _dot(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
 def _clean(vector: list[float]) -> list[float]:
     """The vector without the rounding of cosines of a right angle."""
     return [0.0 if abs(x) < 1e-15 else x for x in vector]
@@ -91,18 +124,15 @@ def _exact(name: str, block: Mapping, notes: list[str]) -> dict[str, Any]:
         normal, drive = (vector.read(block[key]) for key, vector in _VECTORS.items())
     except (KeyError, ValueError):
         return dict(block)  # the schema tells of it
-    length = math.hypot(*normal), math.hypot(*drive)
-    dot = sum(a * b for a, b in zip(normal, drive, strict=True))
-    off = max(abs(length[0] - 1), abs(length[1] - 1), abs(dot))
-    if off <= ROUND_OFF or abs(dot) > UNIT_TOLERANCE:
+    if not_perpendicular(normal, drive):
+        return dict(block)  # `problems` tells of it
+    exact = exact_vectors(normal, drive)
+    if exact == (normal, drive):
         return dict(block)
-    unit = [x / length[0] for x in normal]
-    dot = sum(a * b for a, b in zip(unit, drive, strict=True))
-    across = [b - dot * a for a, b in zip(unit, drive, strict=True)]
-    size = math.hypot(*across)
+    length = math.hypot(*normal), math.hypot(*drive)
+    between = math.degrees(math.asin(_dot(normal, drive) / (length[0] * length[1])))
     notes.append(
         f"`{name}`: `normal` has length {length[0]:.6g} and `drive` {length[1]:.6g}, with "
-        f"{90 - math.degrees(math.asin(dot / length[1])):.4g}° between them; they are taken as "
-        "directions at right angles."
+        f"{90 - between:.4g}° between them; they are taken as directions at right angles."
     )
-    return {**block, "normal": unit, "drive": [x / size for x in across]}
+    return {**block, **dict(zip(_VECTORS, exact, strict=True))}

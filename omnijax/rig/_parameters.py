@@ -6,14 +6,16 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
 from ..laws import ANY_LENGTH, Parameter, TableShape
 from ._batch import check_one_rig
+from ._directions import exact_vectors, not_perpendicular
 from ._machine import Rig
-from ._placed import stands_twice
+from ._placed import stands_twice, without_preload
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (
     ClosureTable,
@@ -22,8 +24,8 @@ from ._schema import (
     PlatformTable,
     SphereTable,
     WheelTable,
-    channels,
     quantities,
+    unit_at,
 )
 
 _BODIES = {
@@ -39,6 +41,7 @@ _PARTS = {
 _WHEEL = {**quantities(WheelTable), **_PARTS}
 _SPACING = "row_spacing"  # a field of the wheel's profile, not of the wheel
 _ROLLERS = "rollers"
+_PRELOAD = "closure.preload"
 
 
 class UnknownParameter(InputError):
@@ -97,11 +100,47 @@ def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
     `value` is a number or an array in SI, text with a unit as in a rig file (`"200 kN/m"`), or a
     list of such, of the shape that `parameter_info` says; one value is given to every wheel.
     Raises `InputError` for an unknown path, an unknown unit, another shape, a value outside of the
-    range of `parameter_info`, and a batch of rigs.  Traced values pass as they are: their range is
-    not known.
+    range of `parameter_info`, and a batch of rigs.  A wheel's `normal` and `drive` must be at right
+    angles to each other, and both become exact, as those of a rig file do; both at once change in
+    the tables that `parse_rig` takes.  Traced values pass as they are: their range is not known.
     """
     check_one_rig(rig)
-    return put_parameter(rig, path, _checked(_changeable(rig, path).quantity, path, value))
+    place = _changeable(rig, path)
+    changed = put_parameter(rig, path, _checked(place.quantity, path, value))
+    if isinstance(place.quantity, Vector) and place.quantity.unit_length:
+        return _with_exact_directions(changed, path, place.index)
+    if path.endswith(_PRELOAD):
+        _check_preloads(changed)
+    return changed
+
+
+def _with_exact_directions(rig: Rig, path: str, index: int | None) -> Rig:
+    """The rig with exact directions of wheel `index`, or of all for None; as it is where traced."""
+    wheels = rig.wheels
+    if any(isinstance(x, Tracer) for x in (wheels.normal, wheels.drive)):
+        return rig
+    normal, drive = np.array(wheels.normal), np.array(wheels.drive)
+    for i in range(rig.size) if index is None else [index]:
+        if wrong := not_perpendicular(normal[i], drive[i]):
+            raise InputError(f"`{path}`: `drive` of {rig.names[i]} {wrong}")
+        normal[i], drive[i] = exact_vectors(normal[i], drive[i])
+    exact = jnp.asarray(normal), jnp.asarray(drive)
+    return eqx.tree_at(lambda r: (r.wheels.normal, r.wheels.drive), rig, exact)
+
+
+def _check_preloads(rig: Rig) -> None:
+    """`InputError` where a known preload is 0 at a law that needs one."""
+    preload = rig.wheels.closure.preload
+    if isinstance(preload, Tracer):
+        return
+    preloads = dict(zip(rig.names, np.asarray(preload).tolist(), strict=True))
+    problems = [
+        problem
+        for placed in rig.effects
+        for problem in without_preload(placed.law.id, placed.place, preloads)
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any) -> Any:
@@ -137,8 +176,8 @@ def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
     place = _changeable(rig, path)
     old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
     shape = old.shape if place.index is None else old.shape[1:]
-    if isinstance(place.quantity, InertiaTensor) and new.shape == (3, 3):
-        shape = (3, 3)
+    if isinstance(place.quantity, InertiaTensor):
+        shape = (3, 3) if new.shape == (3, 3) else ()  # a number is isotropic, whatever stood there
     try:
         new = jnp.broadcast_to(new, shape)
     except ValueError:
@@ -213,7 +252,7 @@ def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quan
     """Unit and range of a law's parameter; a sensor's takes the unit of its channel."""
     unit = parameter.unit
     if unit.startswith("unit of the channel"):
-        unit = channels(wheels).get(place, "1") + unit.removeprefix("unit of the channel")
+        unit = unit_at(place, wheels) + unit.removeprefix("unit of the channel")
         unit = unit.removeprefix("1/") if unit == "1/" else unit
     bounds: dict[str, Any] = {"low": parameter.low, "high": parameter.high}
     if parameter.above:
@@ -222,7 +261,7 @@ def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quan
         return Vector(unit, size=None, **bounds)
     if parameter.shape:
         return Vector(unit, nonzero=unit == "1", size=parameter.shape, **bounds)
-    return Quantity(unit, **bounds)
+    return Quantity(unit, **bounds, whole=parameter.whole)
 
 
 def _all_wheels() -> list[str]:

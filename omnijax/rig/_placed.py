@@ -1,6 +1,6 @@
 """Laws at the wheels: where each acts, and the sum of all at one port."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -32,6 +32,20 @@ class Placed(eqx.Module):
 def stands_twice(law: str, place: str) -> str:
     """The sentence on a law that a rig has twice at one place: no file or path tells them apart."""
     return f"`effect.{law}.{place}` stands twice: a rig file has one block an effect and place."
+
+
+def without_preload(law: str, place: str, preloads: Mapping[str, float | None]) -> list[str]:
+    """A sentence on each wheel that a law with its tangent at the preload finds unloaded.
+
+    `preloads` in N by the wheel's name, None where it is not known.
+    """
+    if law != "contact-hertz":
+        return []
+    return [
+        f"`effect.{law}.{place}` needs a preload, but `wheel.{name}.closure.preload` is 0."
+        for name, preload in preloads.items()
+        if place in {"all", name} and preload == 0
+    ]
 
 
 def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:

@@ -109,6 +109,19 @@ def quantities(table: type[TomlTable]) -> dict[str, Quantity | Vector | InertiaT
     }
 
 
+def number_in(table: type[TomlTable], key: str, given: Any) -> Any:
+    """A number of a table in SI where it is well-formed, else None (the schema tells of it)."""
+    try:
+        return quantities(table)[key].read(given[key])
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def unit_at(place: str, wheels: int) -> str:
+    """The unit of an output group or channel of a rig; 1 for a place that is neither."""
+    return GROUPS[place][0] if place in GROUPS else channels(wheels).get(place, "1")
+
+
 def channels(wheels: int) -> dict[str, str]:
     """The output channels of a rig with their units: `theta_1`, `Omega_x`, ..."""
     numbers = [str(i + 1) for i in range(wheels)]
