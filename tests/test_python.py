@@ -1,18 +1,21 @@
 """Python as one guesses it: names, units, lists, durations; a run as tables and pictures."""
 
 import html
+import math
 import re
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas
 import pytest
 
 import omnijax
 from omnijax import InputError, get_parameter, set_parameter
 from omnijax.rig import parameter_paths
-from omnijax.simulation import ramp, table
-from omnijax.vibration import steady_metrics
+from omnijax.simulation import measured, ramp, table
+from omnijax.simulation._drives import as_times
+from omnijax.vibration import evaluate, steady_metrics
 
 RPM = 2 * np.pi / 60
 RIG = omnijax.load_rig("atlas")
@@ -42,6 +45,23 @@ def test_a_drive_takes_units(given):
     assert torques.force.values[0] == pytest.approx([1e3, 0, 0])
 
 
+@pytest.mark.parametrize("kind", [list, tuple, np.array, pandas.Series])
+def test_every_list_of_numbers_takes_units(kind):
+    """Arrays and Series of text, angles, velocities, forces and times ended in a ValueError."""
+    drive = omnijax.torques(
+        kind(["10 mNm", "0", "5 mNm"]),
+        force=kind(["1 N", "0", "0"]),
+        initial_angle=kind(["180 deg", "0", "0"]),
+        initial_velocity=kind(["60 rpm", "0", "0"]),
+    )
+    assert drive.torque.values.tolist() == [[0.01, 0.0, 0.005]]
+    assert drive.initial_angle.tolist() == [math.pi, 0, 0]
+    assert drive.initial_velocity.tolist() == [pytest.approx(2 * math.pi), 0, 0]
+    assert as_times(kind(["0 s", "1 ms"])).tolist() == [0.0, 1e-3]
+    with pytest.raises(InputError, match="`initial_angle` must be"):
+        omnijax.speeds([1, 2, 3], initial_angle=kind(["1 N", "0", "0"]))
+
+
 def test_traced_speeds_stay_traced():
     slope = jax.grad(lambda w: omnijax.speeds([w, 0.0, 2 * w]).speed.values.sum())(1.0)
     assert slope == 3
@@ -62,6 +82,7 @@ def test_traced_speeds_stay_traced():
         ((RIG, [1, True, 0], 1.0), "`speed` must be real numbers.* but holds True"),
         ((RIG, [1, 0, 0], -1.0), r"`duration` must lie in \(0, inf\) s, but is -1"),
         ((RIG, [1, 0, 0], "2 m"), "`duration` must be a number in s"),
+        ((RIG, [1, 0, 0], True), r"`duration` must be one number \(s\), but is True"),
     ],
 )
 def test_what_cannot_be_simulated_is_said(arguments, match):
@@ -105,6 +126,26 @@ def test_speeds_that_are_no_real_numbers_are_refused_everywhere(given):
 def test_what_are_no_sample_times_is_said(given, match):
     with pytest.raises(InputError, match=match):
         omnijax.simulate(RIG, [1, 0, 0], **given)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"rtol": -1}, {"rtol": 0}, {"rtol": True}, {"max_steps": 0}, {"max_steps": 2.5}],
+)
+def test_numbers_of_the_solver_are_looked_at(wrong):
+    """A tolerance below 0 was taken, others ended in an error of the solver's."""
+    with pytest.raises(InputError, match=f"`{next(iter(wrong))}` must"):
+        omnijax.simulate(RIG, omnijax.torques([0.1] * 3), 0.1, **wrong)
+
+
+def test_a_rig_may_be_a_name_wherever_one_is_asked(run):
+    """They ended in an AttributeError."""
+    assert evaluate(run, "atlas", "rms") == evaluate(run, RIG, "rms")
+    np.testing.assert_array_equal(measured(run, "atlas")["dR"], measured(run, RIG)["dR"])
+    assert get_parameter("atlas", "sphere.mass") == RIG.sphere.mass
+    assert set_parameter("atlas", "sphere.mass", "3 kg").sphere.mass == 3
+    with pytest.raises(InputError, match="Did you mean `atlas`"):
+        get_parameter("atlsa", "sphere.mass")
 
 
 def test_long_runs_and_modes_take_names_and_units():

@@ -35,13 +35,11 @@ if TYPE_CHECKING:
     from ._open import rig_tables as rig_tables
     from ._parameters import ParameterInfo as ParameterInfo
     from ._parameters import UnknownParameter as UnknownParameter
-    from ._parameters import get_parameter as get_parameter
     from ._parameters import law_quantity as law_quantity
     from ._parameters import parameter_info as parameter_info
     from ._parameters import parameter_paths as parameter_paths
     from ._parameters import put_parameter as put_parameter
     from ._parameters import read_parameter as read_parameter
-    from ._parameters import set_parameter as set_parameter
     from ._placed import Acting as Acting
     from ._placed import Placed as Placed
     from ._placed import acting as acting
@@ -69,6 +67,7 @@ if TYPE_CHECKING:
     from ._typed import typed_above_zero as typed_above_zero
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers
+    from ._typed import whole_number as whole_number
     from ._uncertain import CENTRE as CENTRE
     from ._uncertain import DIRECTIONS as DIRECTIONS
     from ._uncertain import GRAVITY as GRAVITY
@@ -84,5 +83,7 @@ if TYPE_CHECKING:
     from ._user_laws import file_of as file_of
     from ._user_laws import load_laws as load_laws
     from ._user_laws import rigs_laws as rigs_laws
+    from ._values import get_parameter as get_parameter
+    from ._values import set_parameter as set_parameter
 
 __getattr__, __dir__ = lazy_face(__name__)

@@ -4,18 +4,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
 from ..laws import ANY_LENGTH, Parameter, TableShape
-from ._batch import check_one_rig
-from ._directions import exact_vectors, not_perpendicular
 from ._machine import Rig
-from ._placed import stands_twice, without_preload
+from ._placed import stands_twice
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (
     ClosureTable,
@@ -41,7 +36,6 @@ _PARTS = {
 _WHEEL = {**quantities(WheelTable), **_PARTS}
 _SPACING = "row_spacing"  # a field of the wheel's profile, not of the wheel
 _ROLLERS = "rollers"
-_PRELOAD = "closure.preload"
 
 
 class UnknownParameter(InputError):
@@ -82,90 +76,14 @@ class _Place(NamedTuple):
     quantity: Quantity | Vector | InertiaTensor
 
 
-def get_parameter(rig: Rig, path: str) -> Float[Array, "..."]:
+def value_at(rig: Rig, path: str) -> Float[Array, "..."]:
     """Value at `path` in SI; a path that speaks of all wheels gives one entry a wheel.
 
-    Raises `InputError` with the nearest path for one that the rig does not have, and for a batch
-    of rigs.
+    Raises `InputError` with the nearest path for one that the rig does not have.
     """
-    check_one_rig(rig)
     place = _locate(rig, path)
     leaf = jnp.asarray(place.leaf(rig))
     return leaf if place.index is None else leaf[place.index]
-
-
-def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
-    """A rig with `value` at `path`; `rig` itself stays as it is.
-
-    `value` is a number or an array in SI, text with a unit as in a rig file (`"200 kN/m"`), or a
-    list of such, of the shape that `parameter_info` says; one value is given to every wheel.
-    Raises `InputError` for an unknown path, an unknown unit, another shape, a value outside of the
-    range of `parameter_info`, and a batch of rigs.  A wheel's `normal` and `drive` must be at right
-    angles to each other, and both become exact, as those of a rig file do; both at once change in
-    the tables that `parse_rig` takes.  Traced values pass as they are: their range is not known.
-    """
-    check_one_rig(rig)
-    place = _changeable(rig, path)
-    changed = put_parameter(rig, path, _checked(place.quantity, path, value))
-    if isinstance(place.quantity, Vector) and place.quantity.unit_length:
-        return _with_exact_directions(changed, path, place.index)
-    if path.endswith(_PRELOAD):
-        _check_preloads(changed)
-    return changed
-
-
-def _with_exact_directions(rig: Rig, path: str, index: int | None) -> Rig:
-    """The rig with exact directions of wheel `index`, or of all for None; as it is where traced."""
-    wheels = rig.wheels
-    if any(isinstance(x, Tracer) for x in (wheels.normal, wheels.drive)):
-        return rig
-    normal, drive = np.array(wheels.normal), np.array(wheels.drive)
-    for i in range(rig.size) if index is None else [index]:
-        if wrong := not_perpendicular(normal[i], drive[i]):
-            raise InputError(f"`{path}`: `drive` of {rig.names[i]} {wrong}")
-        normal[i], drive[i] = exact_vectors(normal[i], drive[i])
-    exact = jnp.asarray(normal), jnp.asarray(drive)
-    return eqx.tree_at(lambda r: (r.wheels.normal, r.wheels.drive), rig, exact)
-
-
-def _check_preloads(rig: Rig) -> None:
-    """`InputError` where a known preload is 0 at a law that needs one."""
-    preload = rig.wheels.closure.preload
-    if isinstance(preload, Tracer):
-        return
-    preloads = dict(zip(rig.names, np.asarray(preload).tolist(), strict=True))
-    problems = [
-        problem
-        for placed in rig.effects
-        for problem in without_preload(placed.law.id, placed.place, preloads)
-    ]
-    if problems:
-        raise InputError(problems)
-
-
-def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any) -> Any:
-    """`value` in SI where it is known and lies in its range; as it is where it is traced."""
-    leaves = jax.tree.leaves(value)
-    if any(isinstance(x, Tracer) for x in leaves):
-        return value
-    plain = jax.tree.map(lambda x: x.tolist() if hasattr(x, "tolist") else x, value)
-    try:
-        read = _read(quantity, plain)
-    except ValueError as error:
-        raise InputError(f"`{path}` {error}") from None
-    return read if any(isinstance(x, str) for x in leaves) else value
-
-
-def _read(quantity: Quantity | Vector | InertiaTensor, given: Any) -> Any:
-    """One value of `quantity`, or a list of them with one a wheel, in SI."""
-    listed = isinstance(given, list | tuple)
-    if isinstance(quantity, Quantity) and listed:
-        return [quantity.read(entry) for entry in given]
-    if isinstance(quantity, Vector) and not listed:
-        return quantity.read([given] * (quantity.size or 1))[0]
-    if isinstance(quantity, Vector) and all(isinstance(row, list | tuple) for row in given):
-        return [quantity.read(row) for row in given]
-    return quantity.read(given)
 
 
 def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
@@ -173,7 +91,7 @@ def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
 
     Differentiable in `value`.  Raises `InputError` for an unknown path and for another shape.
     """
-    place = _changeable(rig, path)
+    place = changeable(rig, path)
     old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
     shape = old.shape if place.index is None else old.shape[1:]
     if isinstance(place.quantity, InertiaTensor):
@@ -191,7 +109,7 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 
     Raises `InputError` for an unknown path, and for a value of another kind, unit or range.
     """
-    quantity = _changeable(rig, path).quantity
+    quantity = changeable(rig, path).quantity
     try:
         return quantity.read(value)
     except ValueError as error:
@@ -204,7 +122,7 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
     Bounds are in the SI `unit`.  Raises `InputError` with the nearest path, and for one that cannot
     change: the number of rollers of a wheel whose measured profile is one pitch long.
     """
-    leaf, index, quantity = _changeable(rig, path)
+    leaf, index, quantity = changeable(rig, path)
     whole = isinstance(quantity, Quantity) and quantity.whole
     above = quantity.above is not None
     low = quantity.low if quantity.above is None else quantity.above
@@ -214,7 +132,6 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
 
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:
     """Every numeric parameter that may change: bodies, all wheels at once, each wheel, effects.
-
     One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.  Raises `InputError`
     where an effect stands twice at a place: one path would name two numbers.
     """
@@ -296,7 +213,7 @@ def _locate(rig: Rig, path: str) -> _Place:
     raise UnknownParameter(f"the rig has no parameter `{path}`.{did_you_mean(path, known)}")
 
 
-def _changeable(rig: Rig, path: str) -> _Place:
+def changeable(rig: Rig, path: str) -> _Place:
     """The leaf that `path` names; `InputError` where there is none, or where it cannot change."""
     place = _locate(rig, path)
     if names := _of_one_pitch(rig, path):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ._directions import ANGLES
 from ._machine import Rig
-from ._parameters import get_parameter, parameter_info
+from ._parameters import parameter_info, value_at
 from ._quantities import Quantity
 from ._schema import GROUPS
 
@@ -74,7 +74,7 @@ def _closed(rig: Rig) -> Iterator[str]:
             yield f"`uncertainty.{path}` tilts gravity, but the rig has none: leave it out."
         if path in units:
             continue
-        value = np.asarray(get_parameter(rig, path))
+        value = np.asarray(value_at(rig, path))
         if value.ndim == 1 and parameter_info(rig, path).unit == "1":
             yield f"`uncertainty.{path}` is the direction of an effect: a share leaves it as it is."
         elif not np.any(value):

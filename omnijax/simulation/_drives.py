@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from ..rig import Rig, check_real, typed_above_zero, typed_numbers
-from ._signals import Signal, Vector, constant
+from ..rig import Rig, typed_above_zero, typed_numbers
+from ._signals import Signal, constant
 
 
 class AbstractDrive(eqx.Module):
@@ -60,7 +60,8 @@ class SpeedDrive(AbstractDrive):
         return zero + self.speed.integral(time) - self.speed.integral(start)
 
 
-Values = Signal | Sequence[float | str] | ArrayLike  # of a drive; text may hold units
+Numbers = Sequence[float | str] | ArrayLike  # text may hold units
+Values = Signal | Numbers  # of a drive
 
 
 def _signal(name: str, value: Values, unit: str) -> Signal:
@@ -80,15 +81,15 @@ def _force(value: Values) -> Signal:
 def torques(
     torque: Values,
     force: Values = (0.0, 0.0, 0.0),
-    initial_angle: Vector | None = None,
-    initial_velocity: Vector | None = None,
+    initial_angle: Numbers | None = None,
+    initial_velocity: Numbers | None = None,
 ) -> TorqueDrive:
     """Drive by motor torques, one a wheel: numbers hold for the whole run, a `Signal` varies.
 
     Numbers are in N m, or have their unit: `torques("10 mNm, 0, 5 mNm")`, `torques(["10 mNm", 0,
     0.005])`.  `force` (3,) acts on the platform in N, `initial_angle` (n,) are the wheels' angles
-    in rad and `initial_velocity` (3,) is Omega in rad/s at the start.  Raises `InputError` for
-    text that is no torque.
+    in rad and `initial_velocity` (3,) is Omega in rad/s at the start, and may have units too.
+    Raises `InputError` for text that is no torque.
     """
     return TorqueDrive(
         torque=_signal("torque", torque, "N m"),
@@ -101,13 +102,13 @@ def torques(
 def speeds(
     speed: Values,
     force: Values = (0.0, 0.0, 0.0),
-    initial_angle: Vector | None = None,
+    initial_angle: Numbers | None = None,
 ) -> SpeedDrive:
     """Drive by prescribed wheel speeds, one a wheel: numbers hold for the run, a `Signal` varies.
 
     Numbers are in rad/s, or have their unit: `speeds("30 rpm, 0, 10 rpm")`, `speeds(["30 rpm", 0,
     1.05])`.  `force` (3,) acts on the platform in N, and `initial_angle` (n,) are the wheels'
-    angles in rad at the start.  Raises `InputError` for text that is no speed.
+    angles in rad at the start, or have units too.  Raises `InputError` for text that is no speed.
     """
     return SpeedDrive(
         speed=_signal("speed", speed, "rad/s"),
@@ -116,11 +117,8 @@ def speeds(
     )
 
 
-def _array(name: str, value: Vector | None, unit: str) -> Array | None:
-    if value is None:
-        return None
-    check_real(name, value, unit)
-    return jnp.asarray(value, float)
+def _array(name: str, value: Numbers | None, unit: str) -> Array | None:
+    return None if value is None else jnp.asarray(typed_numbers(name, value, unit), float)
 
 
 def drive_for(rig: Rig, given: Any) -> AbstractDrive:
@@ -177,7 +175,7 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
             raise InputError("`duration` must be one number of seconds; sample times are `ts`.")
         if rate is not None:
             raise InputError("`rate` goes with a duration; `ts` are sample times already.")
-        return _increasing(jnp.asarray(times, float))
+        return _increasing(jnp.asarray(typed_numbers("ts", times, "s"), float))
     frequency = None if rate is None else typed_above_zero("rate", rate, "Hz")
     return jnp.asarray(sample_times(typed_above_zero("duration", times, "s"), frequency))
 

@@ -1,5 +1,6 @@
 """Between a run and what is measured of it: recorded inputs in, the sensors' readings out."""
 
+from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,7 +9,7 @@ import numpy as np
 from .._batch import check_single
 from ..dynamics import sensor_readings
 from ..recording import Recording, at_first_sample
-from ..rig import Rig, check_one_rig
+from ..rig import Rig, as_rig
 from ._between import SENSOR_POINTS
 from ._drives import TorqueDrive
 from ._run import AbstractRun
@@ -55,9 +56,10 @@ def _initial_velocity(recording: Recording):
     return jnp.asarray(velocity) if rolls else None
 
 
-def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
+def measured(trajectory: AbstractRun, rig: Rig | str | Path) -> dict[str, Any]:
     """What the rig's sensors make of a run: dR, theta, Omega and a, (samples, channels).
 
+    `rig` may be a rig file or the name of a bundled rig.
     The laws at the sensors act one after the other, in the order of the rig, on their group or
     channel; without any the run's own values come back.  Differentiable.  One that remembers has
     seen the run between its samples where this was simulated for a rig with such sensors
@@ -70,7 +72,7 @@ def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
     Source: the sensors of `docs/formats.md`, recordings.
     """
     check_single(trajectory.status.shape)
-    check_one_rig(rig)
+    rig = as_rig(rig)
     seen = trajectory if trajectory.between is None else trajectory.between
     points = 1 if trajectory.between is None else SENSOR_POINTS
     time = seen.t - seen.t[0]

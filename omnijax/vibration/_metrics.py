@@ -1,6 +1,7 @@
 """The table of vibration metrics: unit, meaning, and how a run and a steady state give each."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from .._batch import check_single
 from .._errors import did_you_mean, tell
 from .._root import root
 from .._text import split_names
-from ..rig import Rig, check_one_rig, check_real, up
+from ..rig import Rig, as_rig, typed_numbers, up
 from ..simulation import RunChannels, SteadyFigures, Trajectory, remarks
 from ..simulation import speeds as speed_drive
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
@@ -174,19 +175,20 @@ def known(name: str) -> str:
 
 
 def evaluate(
-    run: Trajectory | RunChannels, rig: Rig, names: str | Iterable[str]
+    run: Trajectory | RunChannels, rig: Rig | str | Path, names: str | Iterable[str]
 ) -> dict[str, Float[Array, ""]]:
     """The named metrics of a run in SI; differentiable.
 
-    `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for
-    an unknown one, and for a batch of runs or rigs: ask inside `jax.vmap`.
+    `rig` may be a rig file or the name of a bundled rig; `names` is a list, or text with commas
+    between.  Raises `ValueError` with the nearest name for an unknown one, and for a batch of runs
+    or rigs: ask inside `jax.vmap`.
 
     A dict of scalars by name, in the unit that `METRICS` gives.
 
     Source: the definitions in `METRICS`; ISO 2631-1:1997 for the weighted ones.
     """
     check_single(jnp.shape(run.t)[:-1])
-    check_one_rig(rig)
+    rig = as_rig(rig)
     return {name: METRICS[known(name)].of_run(run, rig) for name in split_names(names)}
 
 
@@ -208,9 +210,8 @@ def steady_metrics(
     for name in names:
         if known(name) not in STEADY_METRICS:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
-    check_real("speeds", speeds, "rad/s")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    speeds = jnp.asarray(speeds, float)
+    speeds = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
     figures = _steady_figures(rig, speeds, tuple(names), model, angles, force)
     tell(remarks(rig, speed_drive(speeds), None, model))
     return dict(zip(names, figures, strict=True))

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..._errors import InputError, tell
-from ...rig import Rig, as_rig
+from ...rig import Rig, as_rig, typed_above_zero, whole_number
 from .._between import at_samples, to_be_seen
 from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
 from .._exact import propagated, propagation_obstacle
@@ -54,6 +54,7 @@ def simulate(
     """
     rig = as_rig(rig)
     drive, ts = drive_for(rig, drive), as_times(ts, duration, rate)
+    rtol, max_steps = typed_above_zero("rtol", rtol, "1"), whole_number("max_steps", max_steps)
     tell(remarks(rig, drive, ends(ts), model))
     return simulated(
         rig, drive, ts, model=model, solver=solver, rtol=rtol, max_steps=max_steps,

@@ -1,6 +1,5 @@
 """`steady_state`: what a rig does in the long run at constant speeds, in closed form."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,12 +14,11 @@ from ..._programs import kept
 from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
-from ...rig import Rig, as_rig, typed_numbers
-from .._drives import check_speed, check_vector
+from ...rig import Rig, as_rig, typed_above_zero, typed_numbers, whole_number
+from .._drives import Numbers, check_speed, check_vector
 from .._drives import speeds as speed_drive
 from .._exact import exact_obstacle, levels_needed, longest_passage
 from .._remarks import remarks
-from .._signals import Vector
 from .long_run import LongRun
 from .peak_search import bits_needed
 from .show import HEADER, from_xarray, plot_orders, summary_rows, to_xarray
@@ -120,14 +118,14 @@ class SteadyState(eqx.Module, AbstractResult):
 
 def steady_state(
     rig: Rig | str | Path,
-    speeds: Vector | Sequence[float | str] | str,
+    speeds: Numbers,
     *,
     model: str = "coupled",
-    angles: Vector | None = None,
+    angles: Numbers | None = None,
     harmonics: int = 32,
     grid_bits: int | None = None,
     sharpness: float | None = None,
-    force: Vector | None = None,
+    force: Numbers | None = None,
 ) -> SteadyState:
     """Long-run vibration of `rig` at constant wheel `speeds` (rad/s, any sign, zero too).
 
@@ -136,10 +134,11 @@ def steady_state(
 
     Closed forms throughout: periodic solutions piece by piece, their second moments by doubling,
     suprema refined by Newton's method from places graded towards each edge and 2^`grid_bits` even
-    ones a piece, unless stated four an oscillation of the rig, but 512 to 8192.  `angles` (rad)
-    matter only for wheels at rest.  With `sharpness` p the peak of |dR| is the smooth one, the
-    p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A constant
-    `force` on the platform (N) accelerates the machine as a whole and adds a constant deflection;
+    ones a piece, unless stated four an oscillation of the rig, but 512 to 8192.  `angles` (rad,
+    or text) matter only for wheels at rest.  With `sharpness` p > 0 the peak of |dR| is the smooth
+    one, the p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A
+    constant `force` on the platform (N) accelerates the machine as a whole and adds a constant
+    deflection;
     accelerations are those of the inertial frame, so the common one is part of them.  Where the
     wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
     and all figures are NaN, inside transformations too.  Warns of speeds that do not fit each
@@ -151,13 +150,19 @@ def steady_state(
     """
     rig = as_rig(rig)
     speeds = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
-    angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
-    force = None if force is None else jnp.asarray(force, float)
+    given = jnp.zeros(rig.size) if angles is None else typed_numbers("angles", angles, "rad")
+    angles = jnp.asarray(given, float)
+    force = None if force is None else jnp.asarray(typed_numbers("force", force, "N"), float)
     check_vector("speeds", speeds, rig.size)
     check_speed("speeds", speeds)
     check_vector("angles", angles, rig.size)
     if force is not None:
         check_vector("force", force, 3)
+    harmonics = whole_number("harmonics", harmonics, low=0)
+    if grid_bits is not None:
+        grid_bits = whole_number("grid_bits", grid_bits, low=0)
+    if sharpness is not None:
+        sharpness = typed_above_zero("sharpness", sharpness, "1")
     state = settled(
         rig, speeds, angles, model=model, harmonics=harmonics, grid_bits=grid_bits,
         sharpness=sharpness, force=force,
