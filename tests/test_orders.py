@@ -1,13 +1,23 @@
 """Orders: planted lines are found where they are, stay where they must, and fold as they should."""
 
+import dataclasses
 import json
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import RECORDINGS, machine
+from rigs import tables
 
-from omnijax import Recording, cli, propagate, read_recording, speeds, write_recording
+from omnijax import (
+    Recording,
+    cli,
+    parse_rig,
+    propagate,
+    read_recording,
+    speeds,
+    write_recording,
+)
 from omnijax.vibration import modes, order_track, rpm_order_map
 
 RATE = 500.0
@@ -165,12 +175,42 @@ def test_pictures_show_orders_and_units():
         (lambda r: rpm_order_map(r, "dR_y", "3"), "its angle was not measured"),
         (lambda r: rpm_order_map(r, "dR_y", "sphere"), "Omega was not measured"),
         (lambda r: order_track(r, [-1], "dR_y", "2"), "`orders` must be positive numbers"),
+        (lambda r: order_track(r, [np.nan], "dR_y", "2"), "`orders` must be positive numbers"),
+        (lambda r: order_track(r, "14, x", "dR_y", "2"), "`orders` must be a plain number"),
+        (lambda r: order_track(r, [1], "dR_y", "2", turns=0), r"`turns` must lie in \(0, inf\)"),
+        (lambda r: order_track(r, [1], "dR_y", "2", turns=1e5), r"`turns` must lie in \[0\.01, 1"),
+        (lambda r: rpm_order_map(r, "dR_y", "2", max_order=1e9), "`max_order` must lie in"),
+        (lambda r: rpm_order_map(r, "dR_y", 9), "`reference` must be one of 1, 2, 3, sphere"),
         (lambda r: order_track(r, [1], "dR_y", "2").plot(over="x"), "`over` must be time or speed"),
     ],
 )
 def test_what_cannot_be_analysed_is_said(call, message):
     with pytest.raises(ValueError, match=message):
         call(recording(jnp.asarray(NOISE)))
+
+
+def test_options_of_orders_are_read_as_drives_are():
+    """They ended in an AttributeError, a TypeError or a LinAlgError."""
+    run = recording(3e-6 * np.cos(14 * ANGLE))
+    want = order_track(run, [14, 28], "dR_y", "2", turns=2)
+    for orders, reference, turns in (("14, 28", 2, "2"), (["14", 28], np.int64(2), 2)):
+        told = order_track(run, orders, "dR_y", reference, turns=turns)
+        np.testing.assert_array_equal(told.amplitude, want.amplitude)
+    told = rpm_order_map(run, "dR_y", 2, max_order="20")
+    assert told.orders[-1] == pytest.approx(20, abs=0.1)
+
+
+def test_wheels_called_x_y_and_z_leave_the_axes_what_they_are():
+    """The wheels' places were read in the place of the axes'."""
+    data = tables()
+    for wheel, name in zip(data["wheel"], "zxy", strict=True):
+        wheel["name"] = name
+    run = propagate(parse_rig(data), speeds([10.0, 9.0, 8.0]), np.arange(800) / 800)
+    named = dataclasses.replace(run, names=("w1", "w2", "w3"))
+    for channel in ("dR_x", "dR_z", "force_x"):
+        with_axes, plain = (order_track(r, [14], channel, "1") for r in (run, named))
+        np.testing.assert_array_equal(with_axes.amplitude, plain.amplitude)
+    assert order_track(run, [14], "theta_z", "x").channel == "theta_z"
 
 
 def _orders(capsys, *arguments):

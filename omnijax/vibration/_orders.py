@@ -10,12 +10,14 @@ Where o times the speed passes half the sampling rate a line folds back; such ce
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from .._batch import check_single
-from .._errors import not_above_zero
+from .._errors import InputError
 from ..recording import Recording, unit_of
+from ..rig import typed_above_zero, typed_numbers
 from ..simulation import Trajectory
 from ._order_results import OrderMap, OrderTrack
 
@@ -23,12 +25,13 @@ OVERLAP = 4  # windows begin a quarter of their length apart
 USABLE = 0.9  # share of a window's samples that must be there
 TURN = 2 * np.pi
 KINDS = ("peak", "rms", "power")
+RANGE = (0.01, 1e4)  # of turns and orders
 
 
 def rpm_order_map(
     run: Trajectory | Recording,
     channel: str = "dR_x",
-    reference: str = "1",
+    reference: str | int = "1",
     *,
     turns: float = 4.0,
     max_order: float | None = None,
@@ -43,14 +46,15 @@ def rpm_order_map(
     sampling can tell.  `amplitude` of the sine at an order: its `peak`, `rms` or `power` (mean
     square).  `window` is `hann`, or `flattop`: truer heights between two orders, wider lines.
 
-    Amplitudes (windows, orders) in the channel's unit.  Raises `ValueError` for an unknown
+    Amplitudes (windows, orders) in the channel's unit.  Raises `InputError` for an unknown
     channel or reference, and for a run of less than a turn.
 
     Source: the Fourier integral in the angle domain (Fyfe and Munck, Mech. Syst. Signal
     Process. 11, 1997, resample for it).
     """
     _check(amplitude=(amplitude, KINDS), window=(window, tuple(WINDOWS)))
-    _above_zero(turns=turns, max_order=max_order)
+    turns = _within("turns", turns)
+    max_order = None if max_order is None else _within("max_order", max_order)
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, turns = _windows(time, angle, turns, name)
@@ -69,9 +73,9 @@ def rpm_order_map(
 
 def order_track(
     run: Trajectory | Recording,
-    orders: Sequence[float],
+    orders: Sequence[float | str] | str,
     channel: str = "dR_x",
-    reference: str = "1",
+    reference: str | int = "1",
     *,
     turns: float = 4.0,
     amplitude: str = "peak",
@@ -82,16 +86,16 @@ def order_track(
     into each other.  The fit uses the wheel's angle at the samples: while the speed changes it
     finds an order beyond half the sampling rate too.  `amplitude` as in `rpm_order_map`.
 
-    Amplitudes (windows, orders) in the channel's unit, phases in rad.  Raises `ValueError` for an
+    Amplitudes (windows, orders) in the channel's unit, phases in rad.  Raises `InputError` for an
     unknown channel or reference, and for less than a turn.
 
     Source: least squares on all orders of a window together, in the angle domain.
     """
     _check(amplitude=(amplitude, KINDS))
-    _above_zero(turns=turns)
-    chosen = np.asarray(orders, float)
-    if chosen.ndim != 1 or not len(chosen) or np.any(chosen <= 0):
-        raise ValueError(f"`orders` must be positive numbers, but is {orders!r}.")
+    turns = _within("turns", turns)
+    chosen = np.asarray(typed_numbers("orders", orders, "1"), float)
+    if chosen.ndim != 1 or not len(chosen) or not np.all((chosen > 0) & np.isfinite(chosen)):
+        raise InputError(f"`orders` must be positive numbers, but is {orders!r}.")
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, _ = _windows(time, angle, turns, name)
@@ -106,7 +110,7 @@ def order_track(
 
 
 def roller_orders(
-    run: Trajectory | Recording, rollers: Sequence[float], reference: str = "1"
+    run: Trajectory | Recording, rollers: Sequence[float], reference: str | int = "1"
 ) -> dict[str, float]:
     """Order of the reference at which each wheel's rollers pass, by the wheel's number from 1.
 
@@ -118,8 +122,8 @@ def roller_orders(
     orders = {}
     for i, count in enumerate(rollers):
         try:
-            turned = _reference(run, str(i + 1))[0]
-        except ValueError:  # this wheel's angle was not measured
+            turned = _reference(run, i + 1)[0]
+        except InputError:  # this wheel's angle was not measured
             continue
         turned = turned - turned[0]
         ratio = float(way @ turned / (way @ way))
@@ -131,12 +135,15 @@ def roller_orders(
 def _check(**options: tuple[str, tuple[str, ...]]) -> None:
     for name, (value, known) in options.items():
         if value not in known:
-            raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {value!r}.")
+            raise InputError(f"`{name}` must be one of {', '.join(known)}, but is {value!r}.")
 
 
-def _above_zero(**options: float | None) -> None:
-    if wrong := not_above_zero(**options):
-        raise ValueError(" ".join(wrong))
+def _within(name: str, given: float | str) -> float:
+    """A number of turns or an order in `RANGE`."""
+    value = typed_above_zero(name, given, "1")
+    if not RANGE[0] <= value <= RANGE[1]:
+        raise InputError(f"`{name}` must lie in [{RANGE[0]:g}, {RANGE[1]:g}], but is {value:g}.")
+    return value
 
 
 def _as(kind: str, peak: np.ndarray) -> np.ndarray:
@@ -149,28 +156,27 @@ def _unit(kind: str, unit: str) -> str:
 
 
 def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.ndarray, str]:
-    """Time, values and unit of one channel; `ValueError` names what there is."""
+    """Time, values and unit of one channel; `InputError` names what there is."""
     if isinstance(run, Recording):
         if name == "distance":
             return run.time, np.linalg.norm(run.group("dR"), axis=1), "m"
         if name not in run.channels:
             known = ", ".join(run.channels)
-            raise ValueError(f"`channel` must be distance or one of {known}, but is {name!r}.")
+            raise InputError(f"`channel` must be distance or one of {known}, but is {name!r}.")
         return run.time, np.asarray(run.channels[name]), unit_of(name)
     check_single(run.status.shape)
-    if name == "distance":
-        return np.asarray(run.t), np.asarray(run.distance), "m"
-    group, _, end = name.rpartition("_")
-    ends = {axis: i for i, axis in enumerate("xyz")} | {n: i for i, n in enumerate(run.names)}
-    ends |= {str(i + 1): i for i in range(len(run.names))}
-    if group not in run.UNITS or end not in ends:
-        raise ValueError(f"`channel` must be such as dR_x or normal_force_1, but is {name!r}.")
-    values = np.asarray(getattr(run, group))
-    return np.asarray(run.t), values[:, ends[end]], run.UNITS[group]
+    values = np.zeros(0)
+    if name not in run.UNITS:
+        with suppress(KeyError):
+            values = np.asarray(run[name])
+    if values.shape != run.t.shape:
+        raise InputError(f"`channel` must be such as dR_x or normal_force_1, but is {name!r}.")
+    return np.asarray(run.t), values, run.unit(name)
 
 
-def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]:
+def _reference(run: Trajectory | Recording, reference: str | int) -> tuple[np.ndarray, str]:
     """Angle of the reference at every sample, rad, and its name; gaps are bridged."""
+    name = str(reference)
     measured = isinstance(run, Recording)
     if not measured:
         check_single(run.status.shape)
@@ -180,20 +186,21 @@ def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]
         speed = np.linalg.norm(omega, axis=1)
         good = np.isfinite(speed)
         if not good.any():
-            raise ValueError("`reference` cannot be the sphere: Omega was not measured.")
+            raise InputError("`reference` cannot be the sphere: Omega was not measured.")
         speed = np.interp(time, time[good], speed[good])
         return np.concatenate(
             [[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))]
         ), "the sphere"
     names = () if measured else run.names
     theta = run.group("theta") if measured else np.asarray(run.theta)
-    index = names.index(name) if name in names else int(name) - 1 if name.isdigit() else -1
-    if not 0 <= index < theta.shape[1]:
-        known = ", ".join([*names, *(str(i + 1) for i in range(theta.shape[1])), "sphere"])
-        raise ValueError(f"`reference` must be one of {known}, but is {name!r}.")
+    numbers = [str(i + 1) for i in range(theta.shape[1])]
+    if name not in (*names, *numbers):
+        known = ", ".join([*names, *numbers, "sphere"])
+        raise InputError(f"`reference` must be one of {known}, but is {name!r}.")
+    index = (numbers if name in numbers else names).index(name)  # as `run["theta_1"]` takes them
     good = np.isfinite(theta[:, index])
     if not good.any():
-        raise ValueError(f"`reference` cannot be wheel {name}: its angle was not measured.")
+        raise InputError(f"`reference` cannot be wheel {name}: its angle was not measured.")
     return np.interp(time, time[good], theta[good, index]), f"wheel {name}"
 
 
@@ -203,7 +210,7 @@ def _windows(time, angle, turns: float, name: str) -> tuple[list[slice], float]:
     speed = np.convolve(np.gradient(angle, time), np.ones(smooth) / smooth, mode="same")
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angle)))]) / TURN
     if way[-1] < 1:
-        raise ValueError(f"{name} turns {way[-1]:.2g} times in this run; orders need a whole turn.")
+        raise InputError(f"{name} turns {way[-1]:.2g} times in this run; orders need a whole turn.")
     length = min(turns, max(way[-1] / 2, 1.0))
     windows = []
     for start in np.arange(0.0, way[-1] - length + 1e-9, length / OVERLAP):
@@ -213,7 +220,7 @@ def _windows(time, angle, turns: float, name: str) -> tuple[list[slice], float]:
         if one_way and here.stop - here.start >= 16:
             windows.append(here)
     if not windows:
-        raise ValueError(f"{name} never turns {length:.2g} times in one direction.")
+        raise InputError(f"{name} never turns {length:.2g} times in one direction.")
     return windows, length
 
 
