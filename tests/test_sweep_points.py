@@ -9,6 +9,7 @@ from omnijax import InputError, load_rig
 from omnijax.study._axes import SweepAxis, read_axis, split_vary
 from omnijax.study._parameters import checked_parameters
 from omnijax.study._points import Grid, build_points
+from omnijax.study._sweep.plan import Numerics, Sampling, read_numbers
 
 
 def axis(text, path="contact.stiffness", unit="N/m") -> SweepAxis:
@@ -109,6 +110,26 @@ def test_a_billion_points_cost_no_memory():
 def test_contradictions_are_refused(text, sampler, samples, words):
     with pytest.raises(InputError, match=words):
         build_points([axis(text)], sampler, samples, 0)
+
+
+def test_counts_may_be_numbers_of_numpy_and_all_that_are_none_are_named():
+    """NumPy's integers could not be written into the store, others ended in a TypeError."""
+    numerics = Numerics("coupled", "auto", None, None, "1e-6", np.int64(500))
+    counts = np.int64(4), np.int32(3), False, np.int8(2), np.int16(1)
+    sampling, numbers = read_numbers(Sampling("lhs", *counts), numerics)
+    assert [type(x) for x in (*sampling[1:3], *sampling[4:])] == [int] * 4
+    assert (numbers.rtol, numbers.max_steps) == (1e-6, 500) and type(numbers.max_steps) is int
+    wrong = Sampling("lhs", 4.0, "1", False, True, 0)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError) as error:
+        read_numbers(wrong, numerics._replace(rtol=-1.0, max_steps=1.5))
+    assert error.value.problems == (
+        "`samples` must be a whole number in [1, inf), but is 4.0.",
+        "`chunk` must be a whole number in [1, inf), but is True.",
+        "`devices` must be a whole number in [1, inf), but is 0.",
+        "`seed` must be a whole number in [0, inf), but is '1'.",
+        "`rtol` must lie in (0, inf), but is -1.",
+        "`max_steps` must be a whole number in [1, inf), but is 1.5.",
+    )
 
 
 def test_paths_may_be_words_of_numpy():

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import InputError, RunError, not_above_zero, require
+from ..._errors import InputError, RunError, require
+from ...rig import whole_number
 from .evaluator import Evaluator
 from .store import Store, open_store
 
@@ -47,8 +48,8 @@ def check_cluster(workers: int | None, scheduler: str | None) -> None:
     """`InputError` for a cluster that there cannot be."""
     if workers is not None and scheduler is not None:
         raise InputError("give `workers` for a local cluster or `scheduler` for another, not both.")
-    if wrong := not_above_zero(workers=workers):
-        raise InputError(wrong)
+    if workers is not None:
+        whole_number("workers", workers)
     if workers is not None or scheduler is not None:
         require("distributed", "distributed")
 

@@ -1,13 +1,13 @@
 """From what the user asks to a specification: checks, path of evaluation, size of a batch."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._errors import InputError, not_above_zero
+from ..._errors import InputError
 from ...dynamics import Model
-from ...rig import Rig, law_texts, rig_text
+from ...rig import Rig, law_texts, rig_text, typed_above_zero, whole_number
 from ...simulation import RATE, build_model
 from .._axes import SweepAxis, split_vary
 from .._evaluation import (
@@ -61,7 +61,6 @@ def plan(
 ) -> tuple[SweepSpec, str]:
     """The specification of a sweep, and why its method of evaluation was chosen."""
     names = checked_metrics(metrics)
-    _check(sampling, numerics)
     axes = read_axes(rig, drive, split_vary(vary))
     points = build_points(axes, sampling.sampler, sampling.samples, sampling.seed)
     if points.size > MOST:
@@ -152,11 +151,25 @@ def read_drive(rig: Rig, speeds: Any, drive: Any) -> Drive:
     return drive_of(speeds if drive is None else drive, rig)
 
 
-def _check(sampling: Sampling, numerics: Numerics) -> None:
-    numbers = {"chunk": sampling.chunk, "devices": sampling.devices}
-    numbers |= {k: getattr(numerics, k) for k in ("duration", "rate", "rtol", "max_steps")}
-    problems = not_above_zero(**numbers)
-    if sampling.seed < 0:
-        problems.append(f"`seed` must not be below 0, but is {sampling.seed}.")
+def read_numbers(sampling: Sampling, numerics: Numerics) -> tuple[Sampling, Numerics]:
+    """Both with plain numbers, from NumPy's or text; `InputError` with all that are none.
+
+    `duration` and `rate` are read before.
+    """
+    problems: list[str] = []
+
+    def read(given: Any, kind: Callable[..., Any], name: str, *more: Any) -> Any:
+        try:
+            return None if given is None else kind(name, given, *more)
+        except InputError as error:
+            problems.extend(error.problems)
+
+    counts = {"samples": sampling.samples, "chunk": sampling.chunk, "devices": sampling.devices}
+    whole = {name: read(given, whole_number, name) for name, given in counts.items()}
+    seed = read(sampling.seed, whole_number, "seed", 0)
+    rtol = read(numerics.rtol, typed_above_zero, "rtol", "1")
+    max_steps = read(numerics.max_steps, whole_number, "max_steps")
     if problems:
         raise InputError(problems)
+    numbers = numerics._replace(rtol=rtol, max_steps=max_steps)
+    return sampling._replace(**whole, seed=seed), numbers

@@ -23,7 +23,7 @@ from .._evaluation import checked_after, read_run, sample_to_check
 from .._study_folder import tell_of_a_start
 from .dask import check_cluster, over_cluster
 from .evaluator import Evaluator, gradient_name, quantities
-from .plan import Numerics, Sampling, plan, read_drive
+from .plan import Numerics, Sampling, plan, read_drive, read_numbers
 from .result import SweepResult
 from .spec import SweepSpec, differences_of
 from .store import Store, clean, create_store, lock, open_store
@@ -75,8 +75,10 @@ def sweep(
     """
     rig_file = str(rig) if isinstance(rig, str | Path) else None
     machine = as_rig(rig)
-    sampling = Sampling(sampler, samples, seed, gradient, chunk, devices)
-    numerics = Numerics(model, solver, *read_run(duration, rate), rtol, max_steps)
+    sampling, numerics = read_numbers(
+        Sampling(sampler, samples, seed, bool(gradient), chunk, devices),
+        Numerics(model, solver, *read_run(duration, rate), rtol, max_steps),
+    )
     asked, why = plan(
         machine, vary, metrics, read_drive(machine, speeds, drive), sampling, numerics
     )
@@ -87,6 +89,7 @@ def sweep(
     about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
     with _held(folder, asked, resume, chunk is not None, about) as store:
         spread = workers is not None or scheduler is not None
+        devices = sampling.devices
         run = over_cluster(store, workers, scheduler) if spread else _local(store, devices)
         with saying(store.kept):
             _run(store, run, report)
