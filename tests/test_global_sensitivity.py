@@ -6,7 +6,15 @@ import pytest
 from scipy.special import ndtri
 
 from omnijax.rig import InputError
-from omnijax.study import GlobalSensitivity, Input, analyse, global_sensitivity
+from omnijax.study import (
+    GlobalSensitivity,
+    Input,
+    analyse,
+    global_sensitivity,
+    pareto,
+    sensitivity_over_speeds,
+    tolerances,
+)
 from omnijax.study._spread.morris import TAIL, morris_design, morris_effects
 from omnijax.study._spread.sobol import sobol_design, sobol_indices
 
@@ -174,3 +182,19 @@ def test_wrong_input():
     with pytest.raises(InputError, match=r"`wheel\.rollers` takes whole numbers"):
         rollers = {"path": "wheel.rollers", "low": 10, "high": 20}
         global_sensitivity({**STUDY, "variable": [rollers]})
+
+
+def test_a_plain_string_of_names_is_no_list_of_letters():
+    for ask, names in (
+        (lambda names: global_sensitivity(STUDY, names), "rms, peek"),
+        (lambda names: pareto(STUDY, names), "rms, peek"),
+        (
+            lambda names: tolerances(
+                {**STUDY, "limit": {"metric": "rms", "rise": 0.2}}, parts=names
+            ),
+            "wheel.radius, peek",
+        ),
+        (lambda names: sensitivity_over_speeds("atlas", "1, 2, 3", [1], "rms", names), "peek"),
+    ):
+        with pytest.raises(InputError, match="`peek`"):
+            ask(names)

@@ -26,9 +26,9 @@ def global_sensitivity(
     """
 
     def run(asked: Any, **how: Any) -> Any:
-        from ..study import checked_metrics, global_sensitivity
+        from ..study import global_sensitivity
 
-        return global_sensitivity(asked, None if metric is None else checked_metrics(metric), **how)
+        return global_sensitivity(asked, metric, **how)
 
     asked, result = worked(study, results, "runs", run)
     finish(study, results, asked, result, _plain(result))

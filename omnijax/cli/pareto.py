@@ -26,9 +26,9 @@ def pareto(
     """
 
     def run(asked: Any, **how: Any) -> Any:
-        from ..study import checked_metrics, pareto
+        from ..study import pareto
 
-        return pareto(asked, () if metric is None else checked_metrics(metric), **how)
+        return pareto(asked, metric or (), **how)
 
     asked, front = worked(study, results, "searches", run)
     finish(study, results, asked, front, _plain(front), lambda: _print(front))

@@ -7,7 +7,7 @@ designs interpolated between these ends, and those that fail start again from th
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 from ..._errors import InputError, RunError, tell
 from ..._text import listed
 from ...vibration import METRICS
+from .._evaluation import checked_metrics
 from .._file import Study, study_of
 from .._problem import FigureRows, Limit, Problem, Variable, check_variables
 from .._range import Ranges
@@ -242,7 +243,7 @@ def undominated(values: np.ndarray) -> np.ndarray:
 
 def pareto(
     study: str | Path | Mapping | Study,
-    metrics: tuple[str, ...] = (),
+    metrics: Sequence[str] | str = (),
     *,
     out: str | Path | None = None,
     resume: bool = False,
@@ -259,7 +260,7 @@ def pareto(
     Source: epsilon-constraints (Haimes, Lasdon and Wismer 1971), each solved as `design` does.
     """
     asked = study_of(study)
-    names = tuple(metrics) or asked.pareto
+    names = checked_metrics(metrics) if metrics else asked.pareto
     if len(names) not in {2, 3}:
         raise InputError("a front needs 2 or 3 metrics: [pareto] metrics = [...].")
     margins = [n for n in names if not METRICS[n].smaller_is_better]

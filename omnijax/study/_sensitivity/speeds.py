@@ -11,7 +11,8 @@ import numpy as np
 
 from ..._plot import MUTED, new_axes
 from ..._result import AbstractResult, texts
-from ...rig import Rig, as_rig, get_parameter, put_parameter
+from ..._text import split_names
+from ...rig import Rig, as_rig, get_parameter, put_parameter, typed_numbers
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
 from .._batches import each, percent_per_percent, value_and_jacobian
@@ -106,16 +107,20 @@ class SpeedSensitivity(AbstractResult):
 
 def sensitivity_over_speeds(
     rig: Rig | str | Path,
-    speeds: Sequence[float],
+    speeds: Sequence[float | str] | str,
     scale: Sequence[float] | np.ndarray,
     metrics: Sequence[str] | str = ("rms",),
-    parameters: Sequence[str] = ("contact.stiffness", "mount.stiffness", "wheel.roundness"),
+    parameters: Sequence[str] | str = ("contact.stiffness", "mount.stiffness", "wheel.roundness"),
     model: str = "coupled",
 ) -> SpeedSensitivity:
-    """Steady-state sensitivities at the wheel speeds (rad/s) times each of `scale`."""
+    """Steady-state sensitivities at the wheel speeds (rad/s) times each of `scale`.
+
+    `metrics` and `parameters` are lists, or text with commas between; `speeds` as `simulate` takes
+    them.
+    """
     machine = as_rig(rig)
-    names, paths = checked_metrics(metrics), tuple(parameters)
-    base = jnp.asarray(speeds, float)
+    names, paths = checked_metrics(metrics), tuple(split_names(parameters))
+    base = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
     drive = speed_drive(base)
     asked = Question(machine, (drive,), paths, names, model, None, gradient=True)
     how, _ = evaluation_of(asked)

@@ -14,6 +14,7 @@ from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._batches import Order
 from .._design import RigCases
+from .._evaluation import checked_metrics
 from .._file import LEAST_SAMPLES, Study, study_of
 from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
@@ -101,7 +102,7 @@ def _named(box: UncertainInputs, unit: np.ndarray) -> str:
 
 def global_sensitivity(
     study: str | Path | Mapping | Study,
-    metrics: Sequence[str] | None = None,
+    metrics: Sequence[str] | str | None = None,
     *,
     out: str | Path | None = None,
     resume: bool = False,
@@ -109,6 +110,7 @@ def global_sensitivity(
 ) -> GlobalSensitivity:
     """Global sensitivities of a study's metrics over the ranges of its variables.
 
+    `metrics` is a list, or text with commas between; without any, those of the study's objective.
     Over several drives or loads each metric is its worst over the cases.
 
     Figures are SI, indices (metrics, variables) without unit (Saltelli 2010, Morris 1991).
@@ -120,7 +122,7 @@ def global_sensitivity(
     whole = [v.name for v in asked.variables if v.whole]
     if whole:
         raise InputError([f"`{n}` takes whole numbers: leave it out." for n in whole])
-    names = tuple(metrics or (name for name, _ in asked.weights))
+    names = checked_metrics(metrics or [name for name, _ in asked.weights])
     plain = dataclasses.replace(asked, constraints=(), tolerances=())
     cases = RigCases(plain, names)
     kinds = asked.distributions or ("uniform",) * len(asked.variables)

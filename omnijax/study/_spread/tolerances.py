@@ -9,7 +9,7 @@ New machines, drawn after the tolerances are set, then say what share these keep
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import jax
@@ -20,7 +20,7 @@ from scipy.special import ndtri
 from ..._arrays import largest
 from ..._compiling import quick_jit
 from ..._errors import InputError, RunError
-from ..._text import quantity_text
+from ..._text import quantity_text, split_names
 from ...rig import Rig, parameter_info
 from ...vibration import METRICS
 from .._batches import each
@@ -74,7 +74,7 @@ def allocate(
 def tolerances(
     study: str | Path | Mapping | Study,
     *,
-    parts: tuple[str, ...] = (),
+    parts: Sequence[str] | str = (),
     draws: int = DRAWS,
     out: str | Path | None = None,
     resume: bool = False,
@@ -82,9 +82,9 @@ def tolerances(
 ) -> Tolerances:
     """Tolerances of each wheel's parts that keep a metric below `[limit]`: `max`, or a `rise`.
 
-    The parts are `parts`, or those of `[tolerance]`, or all of `PARTS` that are not 0; deviations
-    are independent and uniform.  Over several cases the metric is its worst.  With `out` finished
-    chunks of machines are stored there, and `resume` takes them up.
+    The parts are `parts` (a list, or text with commas between), or those of `[tolerance]`, or all
+    of `PARTS` that are not 0; deviations are independent and uniform. Over several cases the metric
+    is its worst.  With `out` finished chunks of machines are stored there, and `resume` takes them up.
 
     Widths are relative, figures SI.  Raises `InputError` for a wrong study and for one without
     `[limit]`, `RunError` where the nominal machine is above it.
@@ -96,7 +96,11 @@ def tolerances(
         raise InputError("tolerances need a [limit] with `metric` and `max` or `rise`.")
     _check(draws, asked.confidence)
     metric, limit, rise = asked.limit
-    chosen = parts or tuple(p for p, _ in asked.tolerances) or usual_parts(asked.rig)
+    chosen = (
+        tuple(split_names(parts) if parts else ())
+        or tuple(p for p, _ in asked.tolerances)
+        or usual_parts(asked.rig)
+    )
     plain = dataclasses.replace(
         asked, variables=(), constraints=(), tolerances=tuple((p, 1.0) for p in chosen)
     )
