@@ -84,7 +84,7 @@ def tolerances(
 
     The parts are `parts` (a list, or text with commas between), or those of `[tolerance]`, or all
     of `PARTS` that are not 0; deviations are independent and uniform. Over several cases the metric
-    is its worst.  With `out` finished chunks of machines are stored there, and `resume` takes them up.
+    is its worst.  With `out` finished chunks of machines are stored there, which `resume` takes up.
 
     Widths are relative, figures SI.  Raises `InputError` for a wrong study and for one without
     `[limit]`, `RunError` where the nominal machine is above it.
