@@ -1,6 +1,7 @@
 """What a log lacks costs a diagnosis what it lacks, and is told: cells, rows, clocks, groups."""
 
 import dataclasses
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from test_plant import recorded
 from omnijax import InputError
 from omnijax.diagnosis import Point, RigModel, diagnose
 from omnijax.diagnosis._machine import said_of_compared, to_run
+from omnijax.diagnosis._search import levels
 from omnijax.laws import EFFECTS
 from omnijax.recording import Recording, channels, read_case
 from omnijax.recording._grid import BRIDGE, grid_of, on_even_times
@@ -236,3 +238,40 @@ def test_a_diagnosis_is_refused_where_no_run_tells_its_motion(case):
             for k in (1, 2)
         ),
     ]
+
+
+@pytest.mark.parametrize("steps", [(2e-3, 4e-3), (4e-3, 2e-3), (2e-3, 2e-3)])
+def test_lines_of_runs_of_other_rates_stand_at_their_frequencies(steps):
+    """They were all put on the first run's frequencies: 80 Hz of a run at 250 Hz were 160 Hz."""
+    rng = drawn_anew("lines of two rates")
+    lines, parts = (rng.uniform(15, 50), rng.uniform(60, 115)), []
+    for step, line in zip(steps, lines, strict=True):
+        t = step * np.arange(2000)
+        a = rng.standard_normal((2000, 3)) + np.sin(2 * np.pi * line * t)[:, None]
+        parts.append(np.concatenate([np.zeros((2000, 3)), a], axis=1))
+    rows = [
+        SimpleNamespace(size=x.size, split=lambda own: (own.reshape(-1, 6), None)) for x in parts
+    ]
+    model: Any = SimpleNamespace(
+        residuals=lambda *_: [np.concatenate([x.ravel() for x in parts])],
+        splits={"train": [0, 1]},
+        machine=SimpleNamespace(
+            runs=[SimpleNamespace(step=step, samples=2000) for step in steps], rows=rows
+        ),
+    )
+    strongest = sorted(RigModel._lines(model, Point(np.zeros(0)))[:2])
+    assert strongest == pytest.approx(lines, abs=0.1)
+    lag: Any = SimpleNamespace(key="tau")
+    assert RigModel._ends(model, Point(np.zeros(0)), lag)["low"] == pytest.approx(0.25 * max(steps))
+
+
+def test_runs_of_other_rates_show_no_colour_together():
+    """Cycles a sample are other frequencies there."""
+    rng = drawn_anew("colours of two rates")
+    white, walk = rng.standard_normal((2, 3000))
+    columns = [white, walk + 0.3 * np.cumsum(rng.standard_normal(3000))]
+    together = levels(columns, True, [2e-3, 2.001e-3])
+    assert {x.colour for x in together} == {"wandering"}
+    apart = levels(columns, True, [2e-3, 4e-3])
+    assert [x.colour for x in apart] == ["white", "wandering"]
+    assert levels(columns[:1], True)[0].ratio == apart[0].ratio

@@ -448,6 +448,7 @@ def test_a_gap_is_no_noise_in_channels_of_the_same_state(channel, noise_only):
     stands = {"channel": "dR_x", "stands": True, "share": 0.9, "rms_over_noise": 3.0}
     evidence = SimpleNamespace(
         model=SimpleNamespace(residuals=lambda points, split: [None]),
+        steps=lambda split: [],
         columns=lambda residual, split: [table], locate=lambda point: ([], [stands]),
         asks_all=False,
         subsystem=lambda c: RigEvidence.subsystem(None, c),
@@ -471,6 +472,7 @@ def test_what_only_a_fitted_run_shows_is_no_noise_of_it(asks_all, shows):
     runs = {"train": [quiet, loud], "held-out": [quiet]}
     evidence = SimpleNamespace(
         model=SimpleNamespace(residuals=lambda points, split: [split], tell=str),
+        steps=lambda split: [],
         columns=lambda split, _: runs[split], asks_all=asks_all,
         locate=lambda point, split="held-out", run=0: ([], [stands] * (split == "train" and run)),
         subsystem=lambda c: RigEvidence.subsystem(None, c),
@@ -496,6 +498,7 @@ def test_every_run_that_holds_more_than_white_noise_is_asked_alone():
 
     shown_noise(SimpleNamespace(
         model=SimpleNamespace(residuals=lambda points, split: [split], tell=str), asks_all=True,
+        steps=lambda split: [],
         columns=lambda split, _: runs[split], locate=locate, subsystem=str), None)  # fmt: skip
     assert asked == [("train", 1), ("held-out", 0)]
 
@@ -628,6 +631,7 @@ def taken_for_noise(refitted: list[np.ndarray], columns: list[np.ndarray]) -> bo
     straight = [x - b * t for x in columns]
     left = ((less, refitted), (fit, straight), (fit.with_effects(other), columns))
     whole = SimpleNamespace(
+        _steps=[],
         _whole=lambda p, c: next(x for q, x in left if q.effects == p.effects),
         settings=SETTINGS.search,
     )

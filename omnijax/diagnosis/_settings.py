@@ -226,6 +226,7 @@ class LevelsSettings:
     # ratio of powers below which a spectrum that is not flat is weighed as white
     leans: float = 1.25
     stretches: int = 4  # of them at least
+    alike: float = 0.01  # of a sampling step, within which runs show one colour together
     scatter: float = 1.25  # of a median over that of a mean: derived (sqrt(pi/2))
     better: float = 1.1  # times the level, by which a higher difference has to be below it
     free: float = 4.0  # degrees of freedom of a coloured level at least

@@ -120,6 +120,10 @@ class AbstractEvidence(abc.ABC):
         counts.  By default the first held-out run."""
         return [self.series(residual)[2]] if split == "held-out" else []
 
+    def steps(self, split: str) -> list[float]:
+        """By run of a split the step of `columns`, of any unit; none, as by default: all alike."""
+        return []
+
     def recorded(self) -> list[tuple[str, np.ndarray]]:
         """Of every held-out run its name and the times in s of its samples, as in `columns`; empty
         where residuals are none of samples."""

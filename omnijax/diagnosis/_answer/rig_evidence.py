@@ -50,6 +50,9 @@ class RigEvidence(AbstractEvidence):
             at += size
         return out
 
+    def steps(self, split):
+        return [self.model.machine.runs[i].step for i in self.model.splits[split]]
+
     def recorded(self):
         runs = [self.model.machine.runs[i] for i in self.model.splits["held-out"]]
         return [(run.name, run.time) for run in runs]

@@ -135,6 +135,7 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
     noise: what it alone excites is none.
     """
     runs = _runs(evidence, point)
+    steps = [*evidence.steps("train"), *evidence.steps("held-out")]
     names = list(dict.fromkeys(c for run in runs for c in run.channels))
     standing: list[Standing | None] = [None] * len(runs)
     where: tuple[list[dict[str, Any]], list[dict[str, Any]]] = [], []
@@ -160,7 +161,8 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
         have = [k for k, run in enumerate(runs) if channel in run.channels]
         noise_only = evidence.subsystem(channel) not in moved
         least = min((x.beside.get(channel, np.inf) for x in standing if x), default=np.inf)
-        entry = levels([runs[k].channels[channel] for k in have], noise_only)
+        own_steps = [steps[k] for k in have] if steps else []
+        entry = levels([runs[k].channels[channel] for k in have], noise_only, own_steps)
         for k, level in zip(have, entry, strict=True):
             own = standing[k]
             most = least if own is None else own.beside.get(channel, np.inf)

@@ -60,17 +60,18 @@ def _in_all_runs(model, rig, labels: list[str], every: Sequence[int]) -> list[di
     """Answers of the runs `every`: by elastic channel what is a function of its reading, by wheel
     what of its rolled length is left of Omega too."""
     machine = model.machine
+    steps = [machine.runs[i].step for i in every]
     vectors = [machine.residuals([rig], [i])[0] for i in every]
     (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
     left = [machine.rows[i].unwhitened(x) for i, x in zip(every, vectors, strict=True)]
     out = {
-        label: on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c)
+        label: on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c, steps)
         for c, label in enumerate(labels[:6])
     }
     turned = [_turned(machine, rig, i, x) for i, x in zip(every, vectors, strict=True)]
     for k, label in enumerate(labels[-rig.size :]):
         lengths, shapes = zip(*((x[:, k], y[:, k : k + 1]) for x, y in turned), strict=True)
-        out[label] = in_all_runs("motion Omega", lengths, shapes, k)
+        out[label] = in_all_runs("motion Omega", lengths, shapes, k, steps)
     return [{"channel": c, **answer} for c, answer in out.items() if answer is not None]
 
 

@@ -435,7 +435,7 @@ def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     speed = np.abs(np.concatenate([b.motion.speed[:, k] for b in bases]))
     usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), SLOWEST)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
-    half = np.pi / bases[0].run.step
+    half = np.pi / min(b.run.step for b in bases)  # what the fastest sampled run tells
     top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
     return np.arange(LOWEST, max(top, LOWEST + STEPS * step), step)
 

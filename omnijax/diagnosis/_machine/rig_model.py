@@ -108,7 +108,7 @@ class RigModel(AbstractModel):
     def _ends(self, point: Point, free: Free) -> dict[str, float]:
         """Ends of a number's range that the runs set."""
         if free.key == "tau":
-            return {"low": LAG * self.machine.runs[0].step}
+            return {"low": LAG * max(run.step for run in self.machine.runs)}
         port = self.laws[point.effects[free.effect].id].port
         if free.key != "width" or port not in self._widest:
             return {}
@@ -288,8 +288,15 @@ class RigModel(AbstractModel):
         points = fit.point, less.point, fit.point.with_effects(*others)
         straight, *drifting = (self._whole(p, channel) for p in points)
         level = float(np.median([white_level(x)[0] for x in straight]))
-        left = [deviance([x / level for x in part]) for part in (straight, *drifting)]
+        left = [deviance([x / level for x in part], self._steps) for part in (straight, *drifting)]
         return min(left[1:]) - left[0] < self.settings.equal
+
+    @property
+    def _steps(self) -> list[float]:
+        """Sampling steps of the runs in the order of `_whole`, s."""
+        every = dict.fromkeys([*self.splits["train"], *self.splits["held-out"]])
+        runs = self.machine.runs
+        return [*{whole_of(runs[i], i): runs[i].step for i in every}.values()]
 
     def _whole(self, point: Point, channel: int) -> list[np.ndarray]:
         """What is left of an elastic channel by run, one that plays both roles put together.
@@ -300,8 +307,7 @@ class RigModel(AbstractModel):
         for split in dict.fromkeys(map(tuple, (self.splits["train"], self.splits["held-out"]))):
             (residual,) = self.machine.residuals([self.rig_at(point)], [*split])
             for i, (rows, own) in zip(split, self._by_run(residual, split), strict=True):
-                column, run = rows.unwhitened(own)[:, channel], self.machine.runs[i]
-                key = i if run.counts is None else run.name
+                column, key = rows.unwhitened(own)[:, channel], whole_of(self.machine.runs[i], i)
                 out[key] = out.get(key, 0.0) + np.nan_to_num(column)
         return [*out.values()]
 
@@ -365,14 +371,15 @@ class RigModel(AbstractModel):
         (rest,) = self.residuals([point], "train")
         train = [self.machine.runs[i] for i in self.splits["train"]]
         size = 1 << int(np.ceil(np.log2(max(run.samples for run in train))) + 2)
-        grid = np.fft.rfftfreq(size, train[0].step)
+        grid = np.fft.rfftfreq(size, min(run.step for run in train))
         offset, spectra = 0, np.zeros(len(grid))
-        for i in self.splits["train"]:
+        for i, run in zip(self.splits["train"], train, strict=True):
             rows = self.machine.rows[i]
             elastic, _ = rows.split(rest[offset : offset + rows.size])
             offset += rows.size
             use = elastic[:, 3:] if np.any(elastic[:, 3:]) else elastic[:, :3]
-            spectra += np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
+            power = np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
+            spectra += np.interp(grid, np.fft.rfftfreq(size, run.step), power, right=0.0)
         inner = (spectra[1:-1] > spectra[:-2]) & (spectra[1:-1] >= spectra[2:])
         peaks = np.flatnonzero(inner) + 1
         peaks = peaks[grid[peaks] > 0.5]
@@ -450,6 +457,11 @@ class RigModel(AbstractModel):
         """Residuals (rigs, rows) on the train runs of rigs that nobody asks for again."""
         with self.machine.aside():
             return np.stack(self.machine.residuals(rigs, self.splits["train"], COARSE))
+
+
+def whole_of(run: Run, i: int) -> int | str:
+    """What stands for the whole of run `i`: its name where it plays both roles by parts."""
+    return i if run.counts is None else run.name
 
 
 def weak(law: AbstractLaw, factor: float) -> AbstractLaw:

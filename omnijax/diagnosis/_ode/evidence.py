@@ -53,6 +53,10 @@ class OdeEvidence(AbstractEvidence):
         repeated = self.model.row_noise.inflation
         return [{self.group: x * np.sqrt(repeated)} for x in self.model.by_run(residual, split)]
 
+    def steps(self, split):
+        data = self.model.measured
+        return [float(np.mean(np.diff(data.rows[i].time))) for i in data.splits[split]]
+
     def series(self, residual):
         run, rows = self._first_held_out()
         return run.name, rows.time, self.columns(residual, "held-out")[0]

@@ -7,6 +7,7 @@ that is left is noise, and shows the noise's own spectrum.
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -23,6 +24,7 @@ STRETCHES = SETTINGS.levels.stretches
 SCATTER = SETTINGS.levels.scatter
 BETTER = SETTINGS.levels.better
 FREE = SETTINGS.levels.free
+ALIKE = SETTINGS.levels.alike
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,15 +76,19 @@ def coloured(columns: list[np.ndarray]) -> Spectrum | None:
     return spectrum if p < FLAT else None
 
 
-def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
+def levels(columns: list[np.ndarray], noise_only: bool, steps: Sequence[float] = ()) -> list[Level]:
     """`Level` of one channel in every run, from its residual columns (NaN where missing).
 
     `noise_only`: nothing in it hangs on the machine's state, so all of it is noise; else only the
-    level of its white part is known.
+    level of its white part is known.  `steps` by run, see `of_one_step`.
     """
     out = []
-    shape = coloured(columns) if noise_only else None
-    for x in columns:
+    shapes: list[Spectrum | None] = [None] * len(columns)
+    for which in of_one_step(len(columns), steps) if noise_only else ():
+        shape = coloured([columns[k] for k in which])
+        for k in which:
+            shapes[k] = shape
+    for x, shape in zip(columns, shapes, strict=True):
         floor, error = white_level(x)
         used = int(np.isfinite(x).sum())
         if not noise_only or used == 0:
@@ -99,12 +105,29 @@ def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
     return out
 
 
-def deviance(columns: list[np.ndarray]) -> float:
+def of_one_step(count: int, steps: Sequence[float] = ()) -> list[list[int]]:
+    """The numbers of `count` runs by their sampling `steps`, of any unit; none: all are alike.
+
+    A colour is told by cycles a sample: runs of other steps show another one.
+    """
+    groups: list[list[int]] = []
+    for k in range(count):
+        alike = (g for g in groups if not steps or abs(steps[k] / steps[g[0]] - 1) < ALIKE)
+        group = next(alike, None)
+        if group is None:
+            groups.append([k])
+        else:
+            group.append(k)
+    return groups
+
+
+def deviance(columns: list[np.ndarray], steps: Sequence[float] = ()) -> float:
     """-2 log likelihood of noise, white of level 1 or of a colour, but for a constant.
 
     `columns` by run are one channel's residual in sigma (zero where missing).  Beside white noise
     there may be a random walk and low-pass noise; both levels and the corner are free, the same in
-    all runs, and the mean says nothing.
+    all runs `of_one_step`, and the mean says nothing.
     """
     white = sum(len(x) * float(np.var(x)) for x in columns)
-    return white - likeliest(Waves.of(columns), 1.0)["both"].gain
+    parts = ([columns[k] for k in which] for which in of_one_step(len(columns), steps))
+    return white - sum(likeliest(Waves.of(part), 1.0)["both"].gain for part in parts)

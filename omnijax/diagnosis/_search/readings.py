@@ -15,34 +15,45 @@ LEAST = SETTINGS.readings.least
 
 
 def on_reading(
-    label: str, left: Sequence[np.ndarray], read: Sequence[np.ndarray], seed: int = 0
+    label: str,
+    left: Sequence[np.ndarray],
+    read: Sequence[np.ndarray],
+    seed: int = 0,
+    steps: Sequence[float] = (),
 ) -> dict[str, Any] | None:
     """Share of what is `left` of a channel that one function of its reading is, and its p-value.
 
     `left` and `read` (samples,) by run, in any unit, NaN where nothing counts.  None where nothing
     is left.  The function is piecewise straight: a step would be seen as noise of high frequency.
+    `steps` as in `levels`.
     """
     values = np.concatenate([x[np.isfinite(r + x)] for r, x in zip(left, read, strict=True)])
     if len(values) == 0 or np.ptp(values) == 0:
         return None
     knots = np.unique(np.quantile(values, np.linspace(0, 1, KNOTS + 1)))
     shapes = [_straight(np.nan_to_num(x), knots) for x in read]
-    return in_all_runs(f"reading {label}", left, shapes, seed)
+    return in_all_runs(f"reading {label}", left, shapes, seed, steps)
 
 
 def in_all_runs(
-    name: str, left: Sequence[np.ndarray], shapes: Sequence[np.ndarray], seed: int = 0
+    name: str,
+    left: Sequence[np.ndarray],
+    shapes: Sequence[np.ndarray],
+    seed: int = 0,
+    steps: Sequence[float] = (),
 ) -> dict[str, Any] | None:
     """Answer of the question `name`: share of what is `left` that lies in some shapes; p-value.
 
     `left` (samples,) by run, NaN where nothing counts, `shapes` (samples, k); their strengths are
     one in all runs.  What hangs on a slow motion is slow, and noise of a colour looks like it: both
     are whitened by the spectrum of what is left.  `share` and `rms` are those of what is left
-    itself.  None where nothing is.
+    itself.  `steps` as in `levels`.  None where nothing is.
 
     Source: score test by generalised least squares (Aitken, 1935).
     """
-    kept = [(r, x) for r, x in zip(left, shapes, strict=True) if np.isfinite(r).sum() > KNOTS]
+    told = [np.isfinite(r).sum() > KNOTS for r in left]
+    kept = [(r, x) for r, x, some in zip(left, shapes, told, strict=True) if some]
+    steps = [step for step, some in zip(steps, told, strict=False) if some]
     if not any(np.nan_to_num(r).any() and x.any() for r, x in kept):
         return None
     counted = [np.isfinite(r) for r, _ in kept]
@@ -50,7 +61,8 @@ def in_all_runs(
         _without_mean(np.nan_to_num(r)[:, None], k) for (r, _), k in zip(kept, counted, strict=True)
     ]
     columns = [_without_mean(x, k) for (_, x), k in zip(kept, counted, strict=True)]
-    noise = levels([np.where(k, r[:, 0], np.nan) for r, k in zip(raw, counted, strict=True)], True)
+    known = [np.where(k, r[:, 0], np.nan) for r, k in zip(raw, counted, strict=True)]
+    noise = levels(known, True, steps)
     y = _whitened(raw, noise)[:, 0]
     u, s, v = np.linalg.svd(_whitened(columns, noise), full_matrices=False)
     u, s, v = u[:, s > LEAST * s[0]], s[s > LEAST * s[0]], v[s > LEAST * s[0]]
