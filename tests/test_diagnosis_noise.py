@@ -13,14 +13,15 @@ from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
 from omnijax.diagnosis._answer.evidence import Misshapen
 from omnijax.diagnosis._answer.fitted_runs import shown_by_fitted_runs_alone
+from omnijax.diagnosis._answer.gap import gaps
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
-from omnijax.diagnosis._answer.verdict import judge
+from omnijax.diagnosis._answer.verdict import _excess, _floor, judge, squares
 from omnijax.diagnosis._answered import _judged, explained
 from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
-from omnijax.diagnosis._noise import _one, step_of
+from omnijax.diagnosis._noise import Assumed, _one, step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
 from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._search import Effect, Point, Search
@@ -251,7 +252,8 @@ def held_out_verdict(columns, structure: float, before=None):
     """
     evidence = SimpleNamespace(
         model=SimpleNamespace(settings=SETTINGS.search), closing=0.99, alike=0.05,
-        confirmed_on="held-out", assumed=lambda c: {"sigma": 2e-3, "unit": "m/s^2"},
+        confirmed_on="held-out", assumed=lambda c: {"unit": "m/s^2"},
+        sigma=lambda c, split, run: 2e-3,
         recorded=lambda: [(f"run {k}", STEP * np.arange(N)) for k in range(len(columns))],
     )  # fmt: skip
     fit = SimpleNamespace(point=SimpleNamespace(effects=() if before is None else ("x",)))
@@ -362,7 +364,7 @@ def test_nothing_is_named_beside_a_gap_of_the_fitted_runs(left, structure, verdi
     model = SimpleNamespace(settings=SETTINGS.search, residuals=lambda points, _: points)
     evidence = SimpleNamespace(
         model=model, closing=0.99, alike=0.05, confirmed_on="blocks", columns=columns,
-        assumed=lambda c: {"sigma": 2e-3, "unit": "m/s^2"},
+        assumed=lambda c: {"unit": "m/s^2"}, sigma=lambda c, split, run: 2e-3,
         recorded=lambda: [("run", STEP * np.arange(1000))],
     )  # fmt: skip
     found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[], alone={}, left_out={},
@@ -529,6 +531,62 @@ def test_what_held_out_runs_are_not_moved_by_is_said_of_the_fitted_ones(
     if alone is not None:
         assert said in alone.said and alone.gap == bool(open_)
         assert ("drag@w1" in alone.said) == (gain > 25)
+
+
+def of_several_runs(sigmas, samples, gap, rng) -> tuple[RigEvidence, Shown, list]:
+    """Evidence of held-out runs of which each has its own noise in dR (None: no dR), in m.
+
+    What they leave is that and `gap` sin(20 t), m.
+    """
+    runs, left, assumed = [], [], 2e-6
+    for sigma, n in zip(sigmas, samples, strict=True):
+        time, zero = STEP * np.arange(n), np.zeros((n, 3))
+        outputs, level = (
+            ({}, {}) if sigma is None else ({"dR": zero}, {"dR": np.full(3, sigma / assumed)})
+        )
+        runs.append(Run("r", "held-out", time, zero, zero, outputs, np.ones(n, bool), levels=level))
+        moved = gap * np.sin(20 * time)
+        left.append(
+            {}
+            if sigma is None
+            else {f"dR_{c}": (moved + sigma * rng.normal(size=n)) / sigma for c in "xyz"}
+        )
+    evidence = RigEvidence.__new__(RigEvidence)
+    evidence.noise = {f"dR_{c}": Assumed(assumed, 0.05, "rest", None) for c in "xyz"}
+    evidence.model = SimpleNamespace(noise={"dR": assumed}, machine=SimpleNamespace(runs=runs),
+                                     splits={"held-out": list(range(len(runs)))})  # fmt: skip
+    own = {c: levels([x[c] for x in left if x], gap == 0) for c in left[0]}
+    have = [k for k, x in enumerate(left) if x]
+    table = tuple(
+        {c: x[have.index(k)] for c, x in own.items()} if k in have else {} for k in range(len(runs))
+    )
+    return evidence, Shown(table, ("held-out",) * len(runs), {}, ([], [])), left
+
+
+@pytest.mark.parametrize("lacks", [False, True])
+def test_a_gap_is_the_rms_of_all_samples_in_its_unit(lacks):
+    """The runs' mean noise times their mean misfit in it was another; a run without dR counted."""
+    rng = drawn_anew(f"gap of runs, {lacks}")
+    sigmas = [*(2e-6 * 10 ** rng.uniform(0, 1.5, 2)), None][: 3 if lacks else 2]
+    samples = rng.integers(2000, 9000, len(sigmas))
+    evidence, shown, left = of_several_runs(sigmas, samples, 10 ** rng.uniform(-6, -4), rng)
+    (gap,) = gaps(evidence, shown, left, left).values()
+    sums = [(s**2 * np.sum(np.square([*x.values()])), s**2 * n, n)
+            for s, x, n in zip(sigmas, left, samples, strict=True) if s is not None]  # fmt: skip
+    missed, noise, count = np.sum(sums, axis=0)
+    assert gap.before == gap.after == pytest.approx(np.sqrt(missed / 3 / count), rel=1e-9)
+    assert gap.noise_floor == pytest.approx(np.sqrt(noise / count), rel=0.05)
+
+
+def test_noise_of_a_long_run_weighs_as_much_as_what_is_left_of_it():
+    """Pure noise stood out: levels were averaged by run, what is left by sample."""
+    rng = drawn_anew("runs of other length")
+    long = int(rng.integers(8000, 12_000))
+    columns = [1.5 * rng.normal(size=long), rng.normal(size=1000)]
+    table = tuple({"dR_x": x} for x in levels(columns, True))
+    shown = Shown(table, ("held-out", "held-out"), {"dR_x": 1.0}, ([], []))
+    left = squares([{"dR_x": x} for x in columns])
+    assert _excess(left, _floor(shown, "held-out", left), "dR_x") == pytest.approx(0.0, abs=1e-6)
 
 
 def run(name: str, role: str, samples: int) -> Run:

@@ -61,7 +61,10 @@ class Plant:
         return [self.series(residual)[2]]
 
     def assumed(self, channel):
-        return {"sigma": SIGMA[channel], "unit": UNIT[channel.partition("_")[0]]}
+        return {"unit": UNIT[channel.partition("_")[0]]}
+
+    def sigma(self, channel, split, run):
+        return SIGMA[channel]
 
     def unit(self, unit, place, key=""):
         return unit

@@ -130,10 +130,15 @@ class AbstractEvidence(abc.ABC):
         return []
 
     def assumed(self, channel: str) -> dict[str, Any]:
-        """What the noise of a channel was taken for: sigma, declared, source, unit, colour."""
+        """What the noise of a channel was taken for: declared, source, unit, colour."""
         group = channel if channel in self.noise else channel.rpartition("_")[0]
         known = self.noise[group]
         return {**known, "unit": self.unit_of(group)}
+
+    def sigma(self, channel: str, split: str, run: int) -> float:
+        """1-sigma in the channel's unit that its `columns` of a run of a split are told in."""
+        group = channel if channel in self.noise else channel.rpartition("_")[0]
+        return float(self.noise[group]["sigma"])
 
     def unit_of(self, group: str) -> str:
         """Unit of an output group."""

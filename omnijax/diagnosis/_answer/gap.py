@@ -12,15 +12,23 @@ UNITS = {"dR": "m", "theta": "rad", "Omega": "rad/s", "a": "m/s^2"}
 
 def gaps(evidence: AbstractEvidence, shown: Shown, before: Columns, after: Columns):
     """`Gap` of every group on the held-out runs, RMS over its channels; the noise is as shown."""
-    first, last = squares(before), squares(after)
+    first, last = (squares(in_units(evidence, runs)) for runs in (before, after))
     out = {}
     for group, channels in by_group([c for c in first if c in last]).items():
-        sigma = {c: evidence.assumed(c)["sigma"] for c in channels}
-        floor = [sigma[c] * shown.ratio(c, "held-out") for c in channels]
-        start = [sigma[c] * np.sqrt(first[c][0] / first[c][1]) for c in channels]
-        end = [sigma[c] * np.sqrt(last[c][0] / last[c][1]) for c in channels]
+        floor = [shown.sigma(evidence, c, "held-out") for c in channels]
+        start, end = (
+            [np.sqrt(part[c][0] / part[c][1]) for c in channels] for part in (first, last)
+        )
         out[group] = OutputGap(_rms(floor), _rms(start), _rms(end), evidence.unit_of(group))
     return out
+
+
+def in_units(evidence: AbstractEvidence, held_out: Columns) -> Columns:
+    """Columns of the held-out runs in their units: each run has a sigma of its own."""
+    return [
+        {c: evidence.sigma(c, "held-out", k) * x for c, x in run.items()}
+        for k, run in enumerate(held_out)
+    ]
 
 
 def _rms(values: list[float]) -> float:

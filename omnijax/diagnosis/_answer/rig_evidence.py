@@ -71,15 +71,14 @@ class RigEvidence(AbstractEvidence):
         return {c: x for c, x in zip(names, table.T, strict=True) if np.isfinite(x).any()}
 
     def assumed(self, channel):
-        known = self.noise[channel]
+        unit = UNITS[channel.partition("_")[0]]
+        return dataclasses.asdict(self.noise[channel]) | {"unit": unit}
+
+    def sigma(self, channel, split, run):
         group = channel.partition("_")[0]
-        sigma, at = self.model.noise[group], channel_index(channel)
-        held = [self.model.machine.runs[i] for i in self.model.splits["held-out"]]
-        wide = max(3, self.model.rig.size)
-        level = [np.broadcast_to(run.level(group), wide)[at] if np.ndim(run.level(group)) == 0
-                 else np.asarray(run.level(group))[at] for run in held]  # fmt: skip
-        sigma = float(sigma * np.sqrt(np.mean(np.square(level))))
-        return dataclasses.asdict(known) | {"sigma": sigma, "unit": UNITS[group]}
+        level = self.model.machine.runs[self.model.splits[split][run]].level(group)
+        own = level if np.ndim(level) == 0 else np.asarray(level)[channel_index(channel)]
+        return float(self.model.noise[group] * own)
 
     def unit_of(self, group):
         return UNITS[group]

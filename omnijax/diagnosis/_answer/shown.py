@@ -1,7 +1,8 @@
 """The noise that the data show once all that is known is in, beside what was declared."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,12 +48,30 @@ class Shown:
         return [c for c, power in self.fitted.items() if power > STRUCTURE]
 
     def ratio(self, channel: str, split: str | None = None) -> float:
-        """1-sigma of a channel over the assumed one, RMS over the runs of a split (None: all)."""
-        own = [
-            x[channel].ratio for x, s in zip(self.levels, self.splits, strict=True)
-            if channel in x and split in (None, s) and np.isfinite(x[channel].ratio)
-        ]  # fmt: skip
-        return float(np.sqrt(np.mean(np.square(own)))) if own else 1.0
+        """1-sigma of a channel over the assumed one, RMS over a split's samples (None: all)."""
+        return self._rms(channel, split, lambda _split, _run: 1.0)
+
+    def sigma(self, evidence: AbstractEvidence, channel: str, split: str | None = None) -> float:
+        """The same in the channel's unit; runs may be assumed to have noise of their own."""
+        return self._rms(channel, split, lambda of, run: evidence.sigma(channel, of, run))
+
+    def _rms(self, channel: str, split: str | None, assumed: Callable[[str, int], float]) -> float:
+        """RMS over samples of a channel's levels times the noise assumed of a run (split, number).
+
+        Where no level is known it is as assumed.
+        """
+        number: Counter[str] = Counter()
+        squares, counts = [], []
+        for of, run in zip(self.splits, self.levels, strict=True):
+            if channel in run and split in (None, of):
+                ratio = run[channel].ratio
+                known = ratio if np.isfinite(ratio) else 1.0
+                squares.append((known * assumed(of, number[of])) ** 2)
+                counts.append(run[channel].samples)
+            number[of] += 1
+        if not any(counts):
+            return assumed(split or "held-out", 0)
+        return float(np.sqrt(np.average(squares, weights=counts)))
 
     @property
     def changes(self) -> list[dict[str, Level]]:
@@ -82,8 +101,7 @@ class Shown:
         Candidates that explain much of it although it is weighed as such noise say so.
         """
         levels = tuple(
-            {c: x if x.colour == "white" else Level(x.floor, x.error, x.floor)
-             for c, x in run.items()}
+            {c: x if x.colour == "white" else x.white(x.floor) for c, x in run.items()}
             for run in self.levels
         )  # fmt: skip
         coloured = {c for run in self.levels for c, x in run.items() if x.colour != "white"}
@@ -210,7 +228,7 @@ def _beside(level: Level, most: float) -> Level:
     """
     if not 0 < most < level.ratio / (1 + MATTERS):
         return level
-    return Level(most, level.error, most)
+    return level.white(most)
 
 
 def noise_table(
@@ -224,7 +242,7 @@ def noise_table(
     for channel in shown.structure:
         assumed = evidence.assumed(channel)
         own = [run[channel] for run in shown.levels if channel in run]
-        value = assumed["sigma"] * shown.ratio(channel)
+        value = shown.sigma(evidence, channel)
         error = value * float(np.sqrt(np.mean([x.error**2 for x in own]) / len(own)))
         first = (
             [] if earlier is None else [run[channel] for run in earlier.levels if channel in run]

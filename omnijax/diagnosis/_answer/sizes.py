@@ -9,6 +9,7 @@ import numpy as np
 from .._search import Effect, Point, size_keys
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
+from .gap import in_units
 from .result import Diagnosis
 from .shown import by_group
 
@@ -109,7 +110,7 @@ def _resized(point: Point, i: int, keys: Sequence[str], share: float) -> Point:
 
 def _gram(evidence: AbstractEvidence, residuals: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
     """By group the mean products of the residuals, as `gaps` takes its RMS: over its channels."""
-    each = [evidence.columns(r, "held-out") for r in residuals]
+    each = [in_units(evidence, evidence.columns(r, "held-out")) for r in residuals]
     channels = list(dict.fromkeys(c for run in each[0] for c in run))
     out = {}
     for group, own in by_group(channels).items():
@@ -118,8 +119,7 @@ def _gram(evidence: AbstractEvidence, residuals: Sequence[np.ndarray]) -> dict[s
             have = [i for i, run in enumerate(each[0]) if channel in run]
             table = np.stack([np.concatenate([runs[i][channel] for i in have]) for runs in each])
             table = table[:, np.isfinite(table).all(axis=0)]
-            sigma = float(evidence.assumed(channel)["sigma"])
-            total += sigma**2 * (table @ table.T) / max(1, table.shape[1])
+            total += (table @ table.T) / max(1, table.shape[1])
         out[group] = total / len(own)
     return out
 
@@ -137,16 +137,16 @@ def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> Re
     _, time, last = parts[0]
     change = {c: np.nan_to_num(parts[without][2][c] - x) for c, x in last.items()}
     channel = max(change, key=lambda c: float(change[c] @ change[c]))
-    known: Any = evidence.assumed(channel)
-    table = known["sigma"] * np.stack([np.nan_to_num(x[channel]) for _, _, x in parts])
+    unit, sigma = evidence.assumed(channel)["unit"], evidence.sigma(channel, "held-out", 0)
+    table = sigma * np.stack([np.nan_to_num(x[channel]) for _, _, x in parts])
     block = -(-len(time) // POINTS)
     whole = len(time) // block * block
     means = table[:, :whole].reshape(len(table), -1, block).mean(axis=2)
     moved, kept = table[0] - table[without], block * np.sum((means[0] - means[without]) ** 2)
     if kept >= KEPT * float(moved @ moved):
         times = time[:whole].reshape(-1, block).mean(axis=1)
-        return ResidualTrace(channel, known["unit"], times, means)
+        return ResidualTrace(channel, unit, times, means)
     power = np.concatenate([[0.0], np.cumsum(moved**2)])
     start = int(np.argmax(power[POINTS:] - power[:-POINTS])) if len(time) > POINTS else 0
     part = slice(start, start + POINTS)
-    return ResidualTrace(channel, known["unit"], time[part], table[:, part])
+    return ResidualTrace(channel, unit, time[part], table[:, part])

@@ -52,23 +52,23 @@ def stretches(evidence: AbstractEvidence, before: Columns, after: Columns) -> li
     """
     runs = evidence.recorded()
     left = [
-        (name, time, c, x, bare[c])
-        for (name, time), run, bare in zip(runs, after[: len(runs)], before[: len(runs)],
-                                           strict=True)
+        (k, c, x, before[k][c])
+        for k, run in enumerate(after[: len(runs)])
         for c, x in run.items() if np.nan_to_num(x).any()
     ]  # fmt: skip
     sigma = [float(np.sqrt(np.nanmean(x**2))) for *_, x, _ in left]
     sides = _sides([x / rms for (*_, x, _), rms in zip(left, sigma, strict=True)])
     out = []
-    for (name, time, c, x, bare), rms, side in zip(left, sigma, sides, strict=True):
-        assumed = evidence.assumed(c) if side.any() else {}
+    for (k, c, x, bare), rms, side in zip(left, sigma, sides, strict=True):
+        name, time = runs[k]
         for here in np.split(np.arange(len(x)), np.flatnonzero(np.diff(side)) + 1):
             if side[here[0]] and len(here) >= FEWEST:
                 most = float(np.abs(x[here]).max())
                 closed = 1 - float(x[here] @ x[here]) / max(float(bare[here] @ bare[here]), 1e-300)
                 out.append(
                     Stretch(name, c, len(here), float(time[here[0]]), float(time[here[-1]]),
-                            most / rms, most * assumed["sigma"], assumed["unit"], closed)
+                            most / rms, most * evidence.sigma(c, "held-out", k),
+                            evidence.assumed(c)["unit"], closed)
                 )  # fmt: skip
     return sorted(out, key=lambda s: -s.largest)
 

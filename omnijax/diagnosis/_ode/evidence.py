@@ -53,6 +53,9 @@ class OdeEvidence(AbstractEvidence):
         repeated = self.model.row_noise.inflation
         return [{self.group: x * np.sqrt(repeated)} for x in self.model.by_run(residual, split)]
 
+    def sigma(self, channel, split, run):
+        return float(self.model.row_noise.sigma[self.model.measured.splits[split][run]])
+
     def steps(self, split):
         data = self.model.measured
         return [float(np.mean(np.diff(data.rows[i].time))) for i in data.splits[split]]

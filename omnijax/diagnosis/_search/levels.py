@@ -32,7 +32,8 @@ class Level:
     """Noise of one channel of one run, over the sigma that was assumed.
 
     `ratio` is the 1-sigma itself, `error` its relative 1-sigma, `floor` the level of the white part
-    alone; `spectrum` of coloured noise, over that of white of `ratio`.
+    alone; `spectrum` of coloured noise, over that of white of `ratio`.  `samples` that count: what
+    it weighs beside those of other runs.
     """
 
     ratio: float
@@ -40,6 +41,11 @@ class Level:
     floor: float
     colour: str = "white"
     spectrum: Spectrum | None = None
+    samples: int = 1
+
+    def white(self, level: float) -> "Level":
+        """The same as white noise of another level."""
+        return Level(level, self.error, level, samples=self.samples)
 
 
 def white_level(values: np.ndarray) -> tuple[float, float]:
@@ -92,16 +98,17 @@ def levels(columns: list[np.ndarray], noise_only: bool, steps: Sequence[float] =
         floor, error = white_level(x)
         used = int(np.isfinite(x).sum())
         if not noise_only or used == 0:
-            out.append(Level(floor, error, floor))
+            out.append(Level(floor, error, floor, samples=used))
             continue
         ratio = float(np.sqrt(np.nanmean(x**2)))
         if shape is None:
-            out.append(Level(ratio, 1 / math.sqrt(2 * used), floor))
+            out.append(Level(ratio, 1 / math.sqrt(2 * used), floor, samples=used))
             continue
         foretold = shape.power(len(x))[1:]
         own = shape.scaled(float(np.mean(Waves.of([x]).power / foretold)) / ratio**2)
         free = used * np.mean(foretold) ** 2 / np.mean(foretold**2)  # a few strong waves say less
-        out.append(Level(ratio, 1 / math.sqrt(max(free, FREE)), floor, shape.colour, own))
+        error = 1 / math.sqrt(max(free, FREE))
+        out.append(Level(ratio, error, floor, shape.colour, own, used))
     return out
 
 
