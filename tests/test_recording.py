@@ -365,6 +365,28 @@ def test_an_input_with_holes_is_bridged_and_said(tmp_path):
     assert run.mask("dR")[10:13].all()
 
 
+@pytest.mark.parametrize("how", ["sidecar", "row", "netcdf"])
+def test_a_slow_step_is_in_seconds_where_that_is_stated(tmp_path, how):
+    """It was read as milliseconds, unless NAME.toml said so: a file's own word did not count."""
+    table, path = columns(60), tmp_path / "run.csv"
+    table["t"] = 0.5 / STEP * table["t"]
+    if how == "netcdf":
+        import xarray
+
+        whole = {c: ("time", x, {"units": "s"} if c == "t" else {}) for c, x in table.items()}
+        path = tmp_path / "run.nc"
+        xarray.Dataset(whole).to_netcdf(path, engine="h5netcdf")
+    else:
+        write(path, table, '[units]\nt = "s"\n' if how == "sidecar" else None)
+    if how == "row":
+        head, values = path.read_text().split("\n", 1)
+        units = {"t": "s", "torque": "N m", "theta": "rad", "dR": "m"}
+        row = ",".join(units[c.split("_")[0]] for c in table)
+        path.write_text(f"{head}\n{row}\n{values}")
+    run = read_recording(path)
+    assert run.step == pytest.approx(0.5) and run.faults == []
+
+
 def test_unknown_columns_and_a_step_in_milliseconds(tmp_path):
     table = columns()
     table["omega_x"] = table["dR_x"]

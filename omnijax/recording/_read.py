@@ -137,10 +137,7 @@ def _scale_units(
 ) -> None:
     """Bring every column to SI; units of NAME.toml count before those that the file states."""
     for column, values in list(named.items()):
-        theirs = sidecar.channels.get(column, column)
-        unit: str | None = table.units.get(theirs)
-        for key in (group_of(column), column):
-            unit = sidecar.units.get(key, unit)
+        unit = _stated_unit(column, table, sidecar)
         if unit is None or unit == unit_of(column):
             continue
         try:
@@ -153,12 +150,18 @@ def _scale_units(
             use = f"it is read as {to_si(column, unit):g} m/s^2"
             faults.append(Fault(file, column, (), "unit", what, use))
     step = np.median(np.abs(np.diff(named["t"]))) if len(named["t"]) > 2 else 0.0
-    if step > SLOW and not ({"t"} & set(sidecar.units)):
+    if step > SLOW and _stated_unit("t", table, sidecar) is None:
         unit, factor = next(((u, f) for u, f in FINER if step / f <= SLOW), FINER[-1])
         what = f"the step is {step:g} s, which looks like {LONG.get(unit, unit)}"
         use = f'it is read as {unit}; `units.t = "s"` in NAME.toml keeps it'
         named["t"] = named["t"] / factor
         faults.append(Fault(file, "t", (), "unit", what, use))
+
+
+def _stated_unit(column: str, table: CsvTable, sidecar: Sidecar) -> str | None:
+    """What NAME.toml says that a column is in, for it or its group; else what the file says."""
+    unit = table.units.get(sidecar.channels.get(column, column))
+    return sidecar.units.get(column, sidecar.units.get(group_of(column), unit))
 
 
 def _same_length(file: str, named: dict[str, np.ndarray], faults: list[Fault]) -> None:
