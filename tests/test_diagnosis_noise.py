@@ -12,6 +12,7 @@ from seeds import drawn_anew
 from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
 from omnijax.diagnosis._answer.evidence import Misshapen
+from omnijax.diagnosis._answer.experiment import _run
 from omnijax.diagnosis._answer.fitted_runs import shown_by_fitted_runs_alone
 from omnijax.diagnosis._answer.gap import gaps
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
@@ -30,6 +31,7 @@ from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.spectrum import Spectrum
 from omnijax.diagnosis._search.where import questions, shares
 from omnijax.diagnosis._settings import SETTINGS
+from omnijax.rig import load_rig
 
 N, STEP = 4000, 2e-3
 
@@ -587,6 +589,27 @@ def test_noise_of_a_long_run_weighs_as_much_as_what_is_left_of_it():
     shown = Shown(table, ("held-out", "held-out"), {"dR_x": 1.0}, ([], []))
     left = squares([{"dR_x": x} for x in columns])
     assert _excess(left, _floor(shown, "held-out", left), "dR_x") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_proposed_run_measures_what_the_runs_did_with_their_noise():
+    """Every column of a group was weighed, with one noise: `dR_z` too, of a machine without it."""
+    rng, rig = drawn_anew("proposed"), load_rig("atlas")
+    lost, low, high = rng.permutation(3)
+    level = np.ones(3)
+    level[[low, high]] = rng.uniform(0.2, 1), rng.uniform(2, 5)
+    angles = np.zeros((9, rig.size))
+    angles[:, lost] = np.nan
+    done = Run("r", "train", np.arange(9.0), angles, angles, {"dR": angles[:, :3], "theta": angles},
+               np.ones(9, bool), levels={"dR": level})  # fmt: skip
+    model = SimpleNamespace(noise={"dR": 2e-6, "theta": 1e-4}, groups=("dR", "theta"),
+                            machine=SimpleNamespace(runs=[done]))  # fmt: skip
+    time = STEP * np.arange(N)
+    new = _run(model, rig, "a turn", time, np.outer(np.sin(time), [1.0, 0, 0]))
+    for values in new.outputs.values():
+        assert np.isfinite(values).all(axis=0).tolist() == [k != lost for k in range(3)]
+    shown = np.std(new.outputs["dR"][:, [low, high]], axis=0)
+    assert shown == pytest.approx(2e-6 * level[[low, high]], rel=0.1)
+    assert new.levels["dR"][[low, high]] == pytest.approx(level[[low, high]])
 
 
 def run(name: str, role: str, samples: int) -> Run:

@@ -106,8 +106,19 @@ def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:
     return top, np.maximum(shown, reach * top / SPIN_UP)
 
 
+def _levels(model: RigModel, group: str) -> np.ndarray:
+    """1-sigma (channels,) over the group's, RMS over the runs; NaN of what none measured."""
+    own = [
+        np.where(np.isfinite(run.outputs[group]).any(axis=0), run.level(group), 0.0)
+        for run in model.machine.runs if group in run.outputs
+    ]  # fmt: skip
+    measured = np.sum(np.square(own) > 0, axis=0)
+    squares = np.sum(np.square(own), axis=0)
+    return np.sqrt(np.where(measured > 0, squares / np.maximum(measured, 1), np.nan))
+
+
 def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
-    """The motion as a measured run without torque: angles and Omega with noise, the rest zero."""
+    """The motion as the runs would measure it, without torque: angles, Omega and noise alone."""
     rng, step = np.random.default_rng(0), time[1] - time[0]
     rate = Omega @ np.asarray(rig.wheels.spin_axis).T
     length = np.cumsum(np.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2]), axis=0) * step
@@ -115,9 +126,14 @@ def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
     reach = float(np.abs(length).max()) / least + 1.0
     theta = wheel_tables(rig, -reach, reach).unrolled(length)
     clean = {"theta": theta, "Omega": Omega, "dR": np.zeros_like(Omega), "a": np.zeros_like(Omega)}
-    outputs = {g: clean[g] + model.noise[g] * rng.normal(size=clean[g].shape) for g in model.groups}
+    levels = {g: _levels(model, g) for g in model.groups}
+    outputs = {
+        g: clean[g] + model.noise[g] * own * rng.normal(size=clean[g].shape)
+        for g, own in levels.items()
+    }
     zero, n = np.zeros((len(time), 3)), len(time)
-    return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
+    return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool),
+               levels={g: np.nan_to_num(own, nan=1.0) for g, own in levels.items()})  # fmt: skip
 
 
 def _torques(machine: Machine, rig, Omega: np.ndarray) -> np.ndarray:
