@@ -1,6 +1,7 @@
 """The benchmark of axes: equal seeds, equal cases, true plants; and what its cases brought up."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from omnijax.diagnosis._ode.together import lines_together
 from omnijax.diagnosis._ode.undecided import undecided
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS
-from omnijax.machine import Axis, Log, MachineCase, load_machine
+from omnijax.machine import Axis, Log, MachineCase, load_machine, parse_machine
 from omnijax.machine._simulate import free_run
 from tests.seeds import drawn_anew
 from tests.test_strangers_axes import run, sines
@@ -99,6 +100,25 @@ def orders_tried(model, point, law):
     return np.array([
         float(c.columns[0].law.order) for c in model.candidates(point) if c.id == law
     ])  # fmt: skip
+
+
+@pytest.mark.parametrize("zero", [0.0, 1000.0])
+def test_a_line_is_looked_for_wherever_a_log_was_zeroed(zero):
+    """A thousand rad between two zeros counted as travel: orders above 9 were not looked for."""
+    rng = drawn_anew("zeroed")
+    J, order, step, logs = 10 ** rng.uniform(-3, -1), rng.uniform(25, 35), 2e-3, []
+    t = np.arange(4000) * step
+    for from_, role in ((0.0, "train"), (zero, "train"), (0.0, "held-out")):
+        w, phase = 2 * np.pi * rng.uniform(0.15, 0.25), 6 * rng.random()
+        q = np.sin(w * t + phase)
+        u = J * -(w**2) * q + J * w * np.cos(w * t + phase) + J * np.cos(order * q)
+        shown = q + from_ + 1e-6 * rng.normal(size=len(t))
+        logs.append(Log(role, role, t, {"input": u}, {"position": shown}))
+    axis = {"kind": "axis", "axis": {"inertia": J, "damping": J}, "motor": {"input": "torque"}}
+    model, *_ = build_model(MachineCase(Path(), parse_machine(axis), logs, False, []))
+    assert model.measured.resolution == pytest.approx(2 * np.pi / (4 if zero else 2), rel=0.1)
+    tried = orders_tried(model, Point(np.zeros(0)), "motor-ripple")
+    assert np.min(np.abs(tried - order)) < 0.2 * model.measured.resolution
 
 
 def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(tmp_path):

@@ -38,10 +38,25 @@ class Measured:
         return np.split(table, ends, axis=-1)
 
     @property
+    def travel(self) -> float:
+        """Length of all places that the train runs pass, each counted once, rad or m.
+
+        What lies between logs that were zeroed at different places is none.
+        """
+        ranges = sorted(
+            (float(np.min(run.outputs["position"])), float(np.max(run.outputs["position"])))
+            for run in self.of("train")
+        )
+        length, reached = 0.0, -np.inf
+        for low, high in ranges:
+            length += max(0.0, high - max(low, reached))
+            reached = max(reached, high)
+        return length
+
+    @property
     def resolution(self) -> float:
         """Orders that the travel of the train runs tells apart: 2 pi over it, 1/rad or 1/m."""
-        q = np.concatenate([run.outputs["position"] for run in self.of("train")])
-        return 2 * np.pi / (float(np.ptp(q)) or 1.0)
+        return 2 * np.pi / (self.travel or 1.0)
 
 
 def _splits(runs: Sequence[OdeRun]) -> dict[str, list[int]]:

@@ -27,7 +27,7 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     has no line there, but the balance beside the torque has.
 
     The residual is the balance of accelerations at the point, whatever the criterion; the grid has
-    `FINE` orders within one resolution, 2 pi over the travel, and finer ones beside its peaks.  An
+    `FINE` orders within one resolution of the travel, and finer ones beside its peaks.  An
     order is looked for in the rows whose speed keeps it within what they let through, up to where
     one in twenty of them does.  A line that is passed unevenly has many side lobes: beside the
     `HIGHEST` peaks stand those that are left once the lines before them are taken away, so that
@@ -48,10 +48,9 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
         torque.append(balance.thinned(u))
         step = balance.run.step * balance.thin
     angle, left, speed, torque = map(np.concatenate, (angle, left, speed, torque))
-    travel = float(np.ptp(angle))
-    if travel <= 0:
+    if np.ptp(angle) == 0:
         return {}
-    fine = 2 * np.pi / travel / FINE
+    fine = model.measured.resolution / FINE
     fastest = SEEN * np.pi / step  # rad/s, of a line
     top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
