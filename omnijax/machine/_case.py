@@ -33,13 +33,14 @@ def is_machine_case(folder: str | Path) -> bool:
 def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> MachineCase:
     """The machine of a folder (or `file`) and its runs; `InputError` where none can be used."""
     folder = existing(folder, "folder: a case is one, with machine.toml and logs")
-    own = folder / "machine.toml" if file is None else None
-    file = load_machine(own) if file is None else file
+    own = folder / "machine.toml"
+    machine = load_machine(own) if file is None else file
     logs, faults = [], []
     for one in _log_files(folder):
         try:
-            _check_machine(one, own)
-            logs.append(read_log(one, file.machine.inputs, file.machine.outputs))
+            if file is None:
+                _check_machine(one, own)
+            logs.append(read_log(one, machine.machine.inputs, machine.machine.outputs))
         except InputError as error:
             faults += [f"{x} The run is not used." for x in error.problems]
     logs, copies = without_copies(logs, lambda log: log.role == "held-out", _share)
@@ -55,12 +56,12 @@ def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> Ma
             f"{folder.name}: no run has the role held-out; the last third of each plays it."
         )
         logs = [part for log in logs for part in _parts(log)]
-    return MachineCase(folder, file, logs, blocks, faults)
+    return MachineCase(folder, machine, logs, blocks, faults)
 
 
-def _check_machine(log: LogFile, own: Path | None) -> None:
-    """`InputError` for a log of another machine than the case's `own` file, where it has one."""
-    if own is None or log.machine is None or log.machine.resolve() == own.resolve():
+def _check_machine(log: LogFile, own: Path) -> None:
+    """`InputError` for a log of another machine than that of the case's `own` file."""
+    if log.machine is None or log.machine.resolve() == own.resolve():
         return
     raise InputError(
         f"{log.path.name}: `machine` names {log.machine}, but the machine of this case is "

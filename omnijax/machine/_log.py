@@ -180,7 +180,7 @@ def read_log(
     signals = {name: _column(file, table, name, units[name], faults) for name in units}
     signals = {k: x for k, x in signals.items() if x is not None}
     if file.rate is not None:
-        faults += _other_rate(file, signals.get("t"))
+        faults += _other_rate(file, file.rate, signals.get("t"))
         signals["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
     where = file.log.name
     _check_lengths(where, signals)
@@ -210,14 +210,14 @@ def read_log(
     return dataclasses.replace(log, rows=LogRows(file.log, column, first, end))
 
 
-def _other_rate(file: LogFile, time: np.ndarray | None) -> list[str]:
-    """That the stated rate is not that of the times (t,) in s, where the log has some."""
+def _other_rate(file: LogFile, rate: float, time: np.ndarray | None) -> list[str]:
+    """That the stated `rate` in Hz is not that of the times (t,) in s, where the log has some."""
     steps = np.array([]) if time is None else np.diff(time)
     steps = steps[steps > 0]
-    if not len(steps) or abs(usual_step(steps) * file.rate - 1) <= OTHER:
+    if not len(steps) or abs(usual_step(steps) * rate - 1) <= OTHER:
         return []
     return [
-        f"{file.path.name}: `rate` says {file.rate:g} Hz, the column `t` of {file.log.name} "
+        f"{file.path.name}: `rate` says {rate:g} Hz, the column `t` of {file.log.name} "
         f"{1 / usual_step(steps):.4g} Hz; `rate` counts."
     ]
 
