@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from .._text import listed
 from ..rig import FACTS, open_paths
 from ._table import columns, paragraph
 
@@ -183,4 +184,6 @@ def _frequencies(summary: dict[str, Any]) -> Iterator[str]:
             key = f"{f:.4g} Hz ({100 * ratio:.3g} %)"
             counts[key] = counts.get(key, 0) + 1
     told = (f"{count} × {key}" if count > 1 else key for key, count in counts.items())
-    yield paragraph(f"natural frequencies (damping): {', '.join(told)}", "  ")
+    laws = summary["modes_without"]
+    of = f" without {listed(laws)}" if laws else ""
+    yield paragraph(f"natural frequencies{of} (damping): {', '.join(told)}", "  ")

@@ -96,6 +96,7 @@ def _summary(rig: Any) -> dict[str, Any]:
         else pressed._asdict() | {"normal": pressed.normal.tolist()},
         "natural_frequencies": np.asarray(elastic.frequency).tolist(),
         "damping_ratios": np.asarray(elastic.damping_ratio).tolist(),
+        "modes_without": list(elastic.without),
         "effects": [{"id": placed.law.id, "place": placed.place} for placed in rig.effects],
         "uncertainty": dict(rig.uncertainty),
         "not_open": closed_numbers(rig),

@@ -137,7 +137,8 @@ QUANTITIES: dict[str, ConstraintKind] = {
         "1",
         _separation_names,
         _separation,
-        "relative distance of each natural frequency from the roller-passing frequencies",
+        "relative distance of each natural frequency from the roller-passing frequencies, without "
+        "laws at contacts and mounts",
     ),
 }
 

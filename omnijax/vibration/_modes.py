@@ -13,7 +13,8 @@ from .._arrays import on_device
 from .._plot import COLOURS, new_axes, styled
 from .._programs import kept
 from .._result import AbstractResult
-from ..dynamics import TRANSLATIONS, check_model, free_system
+from .._text import listed, split_names
+from ..dynamics import ELASTIC_PORTS, TRANSLATIONS, check_model, free_system
 from ..rig import Rig, as_rig
 
 
@@ -21,12 +22,15 @@ from ..rig import Rig, as_rig
 class Modes(AbstractResult):
     """Modes of the elastic model in order of frequency; an overdamped pole is a mode of its own.
 
-    `frequency` (m,) in Hz, `damping_ratio` (m,), `shape` (m, d) of unit length.
+    `frequency` (m,) in Hz, `damping_ratio` (m,), `shape` (m, d) of unit length.  They are those of
+    the springs and dampers of contacts, mounts and closures; laws that stand there beside them are
+    left out and named in `without`.
     """
 
     frequency: Float[Array, " m"]  # Hz, undamped natural frequency |lambda| / 2 pi
     damping_ratio: Float[Array, " m"]  # -Re(lambda) / |lambda|; 1 for a real pole
     shape: Float[Array, "m d"]  # dR part (coupled) of each mode, unit length, real part
+    without: tuple[str, ...] = ()  # ids of laws at contacts and mounts
 
     file_kind: ClassVar[str] = "omnijax modes"
     what: ClassVar[str] = "modes"
@@ -35,7 +39,10 @@ class Modes(AbstractResult):
         """Every mode's frequency and damping."""
         each = zip(np.asarray(self.frequency), np.asarray(self.damping_ratio), strict=True)
         modes = ", ".join(f"{f:.4g} Hz ({100 * ratio:.3g} %)" for f, ratio in each)
-        return [f"Modes(frequency (damping ratio): {modes})"]
+        told = [f"Modes(frequency (damping ratio): {modes})"]
+        if self.without:
+            told.append(f"These are of the machine without {listed(self.without)}.")
+        return told
 
     def table(self):
         """A mode a row."""
@@ -58,13 +65,19 @@ class Modes(AbstractResult):
                 "shape": (("mode", "axis"), np.asarray(self.shape), {"units": "1"}),
             },
             coords={"axis": ["x", "y", "z"]},
+            attrs={"without": ", ".join(self.without)},
         )
 
     @classmethod
     def from_xarray(cls, data):
         """The modes of which `to_xarray` made `data`."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(*(on_device(data[name].values) for name in names))
+        without = str(data.attrs.get("without", ""))
+        return cls(
+            on_device(data["frequency"].values),
+            on_device(data["damping_ratio"].values),
+            on_device(data["shape"].values),
+            tuple(split_names(without)) if without else (),
+        )
 
     @styled
     def plot(self, *, ax: Any = None) -> Any:
@@ -81,6 +94,7 @@ def modes(rig: Rig | str | Path, model: str = "coupled") -> Modes:
 
     `rig` may be a rig file or the name of a bundled rig.
 
+    Laws at contacts and mounts are left out: `without` names them.
     Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
 
     Raises `InputError` for another `model` than `coupled` and `paper`.
@@ -101,7 +115,13 @@ def modes(rig: Rig | str | Path, model: str = "coupled") -> Modes:
     shape = np.where(length > 0, np.real(shape) / np.where(length > 0, length, 1.0), 0.0)
     size = np.abs(values)
     ratio = -np.real(values) / np.where(size > 0, size, 1.0)
-    return Modes(*(on_device(x) for x in (size / (2 * np.pi), ratio, shape.T)))
+    hertz = size / (2 * np.pi)
+    return Modes(on_device(hertz), on_device(ratio), on_device(shape.T), _elastic_laws(rig))
+
+
+def _elastic_laws(rig: Rig) -> tuple[str, ...]:
+    """Ids of the laws at contacts and mounts, which no natural frequency here knows."""
+    return tuple(dict.fromkeys(p.law.id for port in ELASTIC_PORTS for p in rig.at(port)))
 
 
 @kept
@@ -115,9 +135,9 @@ def natural_frequencies(rig: Rig | str | Path, model: str = "coupled") -> Float[
 
     `rig` may be a rig file or the name of a bundled rig.
 
-    Those of the conservative part: the symmetric problem stiffness v = (2 pi f)^2 mass v, whose
-    eigenvalues differentiate cleanly (repeated ones: the average over the repeated group's
-    directions is what is defined).
+    Those of the conservative part, without laws at contacts and mounts: the symmetric problem
+    stiffness v = (2 pi f)^2 mass v, whose eigenvalues differentiate cleanly (repeated ones: the
+    average over the repeated group's directions is what is defined).
 
     The array (modes,).  Raises `InputError` for another `model` than `coupled` and `paper`.
 
