@@ -12,8 +12,9 @@ import pytest
 
 import omnijax
 from omnijax import InputError, get_parameter, set_parameter
+from omnijax.laws import ContactRelaxation
 from omnijax.rig import parameter_paths
-from omnijax.simulation import measured, ramp, table
+from omnijax.simulation import Signal, measured, ramp, table
 from omnijax.simulation._drives import as_times
 from omnijax.vibration import evaluate, steady_metrics
 
@@ -136,6 +137,28 @@ def test_numbers_of_the_solver_are_looked_at(wrong):
     """A tolerance below 0 was taken, others ended in an error of the solver's."""
     with pytest.raises(InputError, match=f"`{next(iter(wrong))}` must"):
         omnijax.simulate(RIG, omnijax.torques([0.1] * 3), 0.1, **wrong)
+
+
+def test_speeds_are_looked_at_on_both_sides_of_their_knots():
+    """A ramp that falls to 0 at its end hid its top, and one that never ends all of it."""
+    down = table([0, 1, 1, 2], [[0, 0, 0], [2e6, 0, 0], [0, 0, 0], [0, 0, 0]])
+    with pytest.raises(InputError, match=r"`speed` must lie in .* but is 2e\+06"):
+        omnijax.simulate(RIG, omnijax.speeds(down), 0.01)
+    ever = Signal(jnp.zeros(1), jnp.ones((1, 3)), jnp.array([[1.0, 0.0, 0.0]]))
+    for drive, name in (
+        (omnijax.speeds(ever), "speed"),
+        (omnijax.torques([0, 0, 0], force=ever), "force"),
+    ):
+        with pytest.raises(InputError, match=f"`{name}` must be held from its last knot on, but"):
+            omnijax.simulate(RIG, drive, 0.01)
+
+
+def test_modes_say_which_laws_they_leave_out():
+    rig = RIG.add(ContactRelaxation(jnp.asarray(1e5), jnp.asarray(0.1)), "all")
+    told = omnijax.modes(rig)
+    assert told.without == ("contact-relaxation",) and omnijax.modes(RIG).without == ()
+    assert told.sentences()[-1] == "These are of the machine without contact-relaxation."
+    assert type(told).from_xarray(told.to_xarray()).without == told.without
 
 
 def test_a_rig_may_be_a_name_wherever_one_is_asked(run):

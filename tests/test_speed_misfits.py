@@ -15,9 +15,10 @@ from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.dynamics import fitting_speeds, sliding, sliding_of
 from omnijax.rig import load_rig, save_rig
-from omnijax.simulation import ramp, remarks, speeds, torques
+from omnijax.simulation import ramp, remarks, speeds, table, torques
 from omnijax.study._design.cases import RigCases
 from omnijax.study._evaluation import Question, evaluation_of
+from omnijax.study._evaluation.coarse import coarse_samples
 from omnijax.view._panel import _sliding
 
 AROUND = np.deg2rad([10.0, 95.0, 190.0, 280.0])
@@ -179,3 +180,11 @@ def test_what_is_known_is_told_where_a_caller_is_traced():
         return x * run.dR[-1, 2], x * propagate(rig, [0.1, 1.2, 0.3], ts).dR[-1, 2], x * steady.rms
 
     assert all(np.isfinite(float(x)) for x in scaled(1.0))
+
+
+def test_samples_are_held_against_the_top_of_a_ramp_that_falls_to_0_at_its_end():
+    """Rollers passed up to 223 times a second there, but 0 times at every knot."""
+    drive = speeds(table([0, 1, 1, 2], [[0, 0, 0], [100, 0, 0], [0, 0, 0], [0, 0, 0]]))
+    question = Question(load_rig("atlas"), (drive,), (), ("rms",), "coupled", 2.0)
+    sentence = coarse_samples(question, np.linspace(0, 2, 1001), ())
+    assert sentence is not None and "up to 222.8 times a second" in sentence

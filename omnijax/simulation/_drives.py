@@ -213,6 +213,17 @@ def _check_finite(name: str, values: Any) -> None:
         raise InputError(f"`{name}` must be finite, but is {known[~np.isfinite(known)][0]}.")
 
 
+def _check_signal(name: str, signal: Signal) -> None:
+    """`InputError` where known values are not finite, or change after the last knot for ever."""
+    _check_finite(name, signal.around_knots())
+    last = signal.slopes[-1]
+    if not isinstance(last, Tracer) and np.any(np.asarray(last) != 0):
+        raise InputError(
+            f"`{name}` must be held from its last knot on, but its last slopes are "
+            f"{np.asarray(last).tolist()}."
+        )
+
+
 def check_speed(name: str, values: Any) -> None:
     """`InputError` for known speeds that no wheel has."""
     known = np.zeros(1) if isinstance(values, Tracer) else np.asarray(values).ravel()
@@ -231,10 +242,10 @@ def check_drive(rig: Rig, drive: AbstractDrive) -> None:
         count = f"{signal.size} wheel{'s' * (signal.size != 1)}"
         raise InputError(f"the drive has {count}, but the rig has {rig.size}.")
     _force(drive.force)
-    _check_finite(name, signal.values)
+    _check_signal(name, signal)
     if name == "speed":
-        check_speed(name, signal.values)
-    _check_finite("force", drive.force.values)
+        check_speed(name, signal.around_knots())
+    _check_signal("force", drive.force)
     if drive.initial_angle is not None:
         check_vector("initial_angle", drive.initial_angle, rig.size)
     if isinstance(drive, TorqueDrive) and drive.initial_velocity is not None:

@@ -65,12 +65,19 @@ class Signal(eqx.Module):
         One floating-point number early, because a solver's last stage may round up to the time
         it was told to stop before.
         """
-        width = jnp.diff(self.knots)[:, None]
-        before = self.values[:-1] + self.slopes[:-1] * width
+        before = self._before()
         tolerance = 1e-9 * jnp.max(jnp.abs(self.values))
         jump = jnp.any(jnp.abs(self.values[1:] - before) > tolerance, axis=1)
         before_knot = jnp.nextafter(self.knots, -jnp.inf)
         return jnp.where(jnp.concatenate([jnp.zeros(1, bool), jump]), before_knot, jnp.inf)
+
+    def _before(self) -> Float[Array, "k-1 d"]:
+        """Values just before every knot but the first."""
+        return self.values[:-1] + self.slopes[:-1] * jnp.diff(self.knots)[:, None]
+
+    def around_knots(self) -> Float[Array, "m d"]:
+        """Values on both sides of the knots: those at all times lie between them."""
+        return jnp.concatenate([self.values, self._before()])
 
     def kinks(self) -> Float[Array, " k"]:
         """Times of the knots without a jump, s; inf at the others."""

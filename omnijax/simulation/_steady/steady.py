@@ -138,13 +138,12 @@ def steady_state(
     or text) matter only for wheels at rest.  With `sharpness` p > 0 the peak of |dR| is the smooth
     one, the p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A
     constant `force` on the platform (N) accelerates the machine as a whole and adds a constant
-    deflection;
-    accelerations are those of the inertial frame, so the common one is part of them.  Where the
-    wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
-    and all figures are NaN, inside transformations too.  Warns of speeds that do not fit each
-    other, and of an axis that the wheels hardly drive.  Raises `InputError` for numbers that do not
-    fit or are not finite, `ValueError` for a rig with laws that are not linear in the elastic
-    state.
+    deflection; accelerations are those of the inertial frame, so the common one is part of them.
+    Where the wheels do not hold the sphere in every direction, or figures are not finite, `status`
+    says so and all figures are NaN, inside transformations too.  Warns of speeds that do not fit
+    each other, and of an axis that the wheels hardly drive.  Raises `InputError` for numbers that
+    do not fit or are not finite, `ValueError` for a rig with laws that are not linear in the
+    elastic state.
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """

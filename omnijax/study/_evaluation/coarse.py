@@ -27,7 +27,7 @@ def coarse_samples(question: Question, times: np.ndarray, ranges: Sequence[Any])
         for values in trial_designs(ranges, inside=1):
             paths = question.varied[: len(values)]
             rig, moved = apply(question.rig, drive, paths, values)
-            speeds = np.abs(np.asarray(turning(moved).values)).max(axis=0)
+            speeds = np.abs(np.asarray(turning(moved).around_knots())).max(axis=0)
             fastest = max(fastest, float(np.max(speeds * np.asarray(rig.wheels.rollers))))
     passing = fastest / (2 * np.pi)
     if rate >= FEWEST * passing:
