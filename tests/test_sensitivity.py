@@ -1,11 +1,15 @@
 """Local sensitivities of the rig: exact, checked, and honest about what has no influence."""
 
+import importlib
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from omnijax import load_rig, set_parameter
+from omnijax._errors import RunError
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.simulation import propagate, speeds
@@ -138,3 +142,14 @@ def test_wrong_input_on_the_command_line(args, message, capsys):
 def test_unknown_parameters():
     with pytest.raises(InputError, match="no single number"):
         sensitivity("atlas", SPEED, parameters=["platform.gravity"])
+
+
+def test_derivatives_that_are_not_finite_are_no_result(monkeypatch):
+    """The figures alone were looked at."""
+    module = importlib.import_module("omnijax.study._sensitivity.sensitivity")
+    raw = np.array([[1.0, np.nan]])
+    how = SimpleNamespace(method="steady", precision=1e-12)
+    monkeypatch.setattr(module, "_asked", lambda *_: (how, (np.ones(1), raw), None))
+    paths = ["sphere.mass", "platform.mass"]
+    with pytest.raises(RunError, match=r"derivatives of rms by `platform\.mass` are"):
+        module.sensitivity("atlas", [1, 2, 3], "rms", parameters=paths)

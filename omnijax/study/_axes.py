@@ -74,7 +74,10 @@ def split_vary(vary: Any) -> dict[str, Any]:
 
 
 def read_axis(path: str, given: Any, unit: str) -> SweepAxis:
-    """The axis that `given` (text, numbers, or (low, high, count)) asks for, in SI `unit`."""
+    """The axis that `given` asks for, in SI `unit`: text of `FORMS`, a level, or a list of them.
+
+    A tuple is a list too: `(low, high, count)` are three levels.
+    """
     try:
         if isinstance(given, str):
             return _from_text(path, given, unit)

@@ -13,7 +13,7 @@ import numpy as np
 from ..._errors import InputError, RunError
 from ..._programs import kept
 from ..._result import AbstractResult, texts
-from ..._text import quantity_text, split_names
+from ..._text import listed, quantity_text, split_names
 from ...rig import Rig, as_rig, parameter_info
 from ...simulation import BULK_METRICS
 from ...vibration import METRICS
@@ -251,7 +251,8 @@ def sensitivity(
     asks for runs by the adaptive solver where there is no closed form.
 
     `raw` (metrics, parameters) is in the metric's unit by the parameter's, `relative` in % per %.
-    Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails.
+    Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails or a
+    derivative is not finite.
 
     Source: derivatives of `evaluate`'s and `steady_state`'s figures by JAX, checked by central
     differences.
@@ -270,6 +271,10 @@ def sensitivity(
     how, (figures, raw), figures_of = _asked(asked, rate, rtol, values)
     if not np.all(np.isfinite(figures)):
         raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
+    if lost := [
+        f"of {names[m]} by `{paths[p]}`" for m, p in np.argwhere(~np.isfinite(raw)).tolist()
+    ]:
+        raise RunError(f"the derivatives {listed(lost)} are not finite.")
     return Sensitivity(
         parameters=paths,
         units=tuple(parameter_info(machine, path).unit for path in paths),
