@@ -387,6 +387,19 @@ def test_a_slow_step_is_in_seconds_where_that_is_stated(tmp_path, how):
     assert run.step == pytest.approx(0.5) and run.faults == []
 
 
+def test_one_cell_of_an_input_far_above_all_others_is_told_or_refused(tmp_path):
+    """A torque of 1e30 N m was taken without a word."""
+    rng, table = drawn_anew("far input"), columns()
+    column, row = f"torque_{rng.integers(1, 4)}", int(rng.integers(250, 600))
+    table[column][row - 1] = -(10.0 ** rng.uniform(3.5, 8))
+    fault = only(read_recording(write(tmp_path / "run.csv", table)), "outlier")
+    assert (fault.column, fault.rows) == (column, ((row, row),))
+    assert f"{table[column][row - 1]:g} N m" in fault.what
+    table[column][row - 1] = 10.0 ** rng.uniform(10, 300)
+    with pytest.raises(InputError, match=f"run.csv, column `{column}`, row {row}: .* N m is more"):
+        read_recording(write(tmp_path / "run.csv", table))
+
+
 def test_unknown_columns_and_a_step_in_milliseconds(tmp_path):
     table = columns()
     table["omega_x"] = table["dR_x"]

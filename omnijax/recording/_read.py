@@ -17,7 +17,7 @@ from ._sidecar import Sidecar, check_wheels, hint, is_gravity, read_sidecar, to_
 from ._tables import read_table, stem_of
 from ._time import usable_rows
 from ._turns import unwrap
-from ._values import clean, mend_inputs
+from ._values import clean, far_inputs, mend_inputs
 
 FINER = (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
 LONG = {"ms": "milliseconds", "us": "microseconds", "µs": "microseconds"}
@@ -62,6 +62,7 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
     faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
     faults += unwrap(path.name, values, time, run.rows)
     _check_inputs(path.name, run)
+    faults += far_inputs(path.name, values, run.rows)
     run.lost, input_faults = mend_inputs(path.name, values, time, run.rows)
     faults += input_faults
     if rig is not None:

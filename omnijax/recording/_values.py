@@ -2,11 +2,14 @@
 
 import numpy as np
 
-from ._columns import INPUTS, OUTPUTS, group_of
+from .._errors import InputError
+from ._columns import INPUTS, OUTPUTS, group_of, unit_of
 from ._grid import longer_than_bridged
 from ._recording import Fault, spans
 
 STUCK = 25  # equal values in a row that no live sensor gives
+GREATEST = 1e9  # N m, N: what no motor and no hand gives
+FAR = 1e3  # times the largest other value of an input, from which one cell is told
 
 
 def clean(file: str, channels: dict[str, np.ndarray], rows: np.ndarray, noise_free) -> list[Fault]:
@@ -42,6 +45,30 @@ def mend_inputs(
         what = f"{gone.sum()} values of an input are missing"
         faults.append(Fault(file, column, spans(gone, rows), "missing", what, use))
     return ever, faults
+
+
+def far_inputs(file: str, channels: dict[str, np.ndarray], rows: np.ndarray) -> list[Fault]:
+    """One cell that is far above all others of an input; `InputError` for what no machine gives.
+
+    A kick of one sample is possible: it is told and used.
+    """
+    faults = []
+    for column, values in channels.items():
+        size = np.nan_to_num(np.abs(values))
+        if group_of(column) not in INPUTS or len(size) < 2:
+            continue
+        second, first = np.argpartition(size, -2)[-2:]
+        value = f"{values[first]:g} {unit_of(column)}"
+        if size[first] > GREATEST:
+            raise InputError(
+                f"{file}, column `{column}`, row {rows[first]}: {value} is more than any machine "
+                f"gives ({GREATEST:g} at most)."
+            )
+        if size[first] > FAR * size[second] > 0:
+            what = f"{value} is {size[first] / size[second]:.2g} times the largest other value"
+            row = (int(rows[first]), int(rows[first]))
+            faults.append(Fault(file, column, (row,), "outlier", what, "it is used as it stands"))
+    return faults
 
 
 def _missing(file: str, channels: dict[str, np.ndarray], rows: np.ndarray) -> list[Fault]:
