@@ -140,7 +140,7 @@ def test_fitted_runs_are_asked_of_their_readings_without_held_out_ones(machines,
     model, asked = RigModel(rig, runs, noise, dict(EFFECTS)), []
     monkeypatch.setattr(
         import_module("omnijax.diagnosis._machine.locate"), "on_reading",
-        lambda label, left, read, seed: asked.append((label, [len(x) for x in read])),
+        lambda label, left, read, *rest: asked.append((label, [len(x) for x in read])),
     )  # fmt: skip
     evidence = RigEvidence(model, noise, [])
     for split, every in (("train", runs[:1]), ("held-out", runs)):
