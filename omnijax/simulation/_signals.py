@@ -71,8 +71,8 @@ class Signal(eqx.Module):
         before_knot = jnp.nextafter(self.knots, -jnp.inf)
         return jnp.where(jnp.concatenate([jnp.zeros(1, bool), jump]), before_knot, jnp.inf)
 
-    def _before(self) -> Float[Array, "k-1 d"]:
-        """Values just before every knot but the first."""
+    def _before(self) -> Float[Array, "m d"]:
+        """Values just before every knot but the first, m = k - 1 of them."""
         return self.values[:-1] + self.slopes[:-1] * jnp.diff(self.knots)[:, None]
 
     def around_knots(self) -> Float[Array, "m d"]:
