@@ -42,8 +42,8 @@ class Driven(AbstractMachine):
 def case(tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
     (folder / "rig.toml").write_bytes(bundled_rigs()["atlas"].read_bytes())
-    for name in ("a", "b"):
-        write(folder / f"{name}.csv", columns(samples=300))
+    for seed, name in enumerate(("a", "b")):
+        write(folder / f"{name}.csv", columns(samples=300, seed=seed))
     return read_case(folder)
 
 

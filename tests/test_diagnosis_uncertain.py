@@ -1,9 +1,11 @@
 """What a rig file leaves open: numbers, tensors, directions as angles, sensors."""
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from omnijax import InputError, get_parameter, set_parameter
+from omnijax import InputError, get_parameter
 from omnijax.cli import run
 from omnijax.diagnosis._machine.uncertain import rig_priors, with_parameters, with_sensors
 from omnijax.rig import load_rig, rig_text, save_rig
@@ -155,8 +157,11 @@ def test_a_wheels_angles_are_turned_as_the_rig_file_means_them(angles, tmp_path)
     priors = {p.name: p.sigma for p in rig_priors(rig)}
     assert priors["wheel.w3.zenith"] == pytest.approx(np.deg2rad(0.2))
     assert priors["wheel.w1.skew"] == pytest.approx(1e-3) and len(priors) == 5
-    for key, vector in zip(("normal", "drive"), unit_vectors(*angles), strict=True):
-        rig = set_parameter(rig, f"wheel.w1.{key}", vector)
+    turned = (rig.wheels.normal, rig.wheels.drive), map(jnp.asarray, unit_vectors(*angles))
+    rig = eqx.tree_at(
+        lambda r: (r.wheels.normal, r.wheels.drive), rig,
+        [old.at[0].set(new) for old, new in zip(*turned, strict=True)],
+    )  # fmt: skip
     paths = tuple(f"wheel.w1.{key}" for key in ("zenith", "azimuth", "skew"))
     turned = with_parameters(rig, paths, np.array(by))
     wanted = unit_vectors(*(a + b for a, b in zip(angles, by, strict=True)))
