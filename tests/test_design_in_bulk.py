@@ -31,6 +31,7 @@ STUDY = {
 }
 
 
+@pytest.mark.full
 def test_figures_in_bulk_are_those_of_the_cases_one_by_one():
     """Runs under two drives with parts that are off: figures, limits and slopes of drawn designs.
 

@@ -76,6 +76,7 @@ def ends(engine):
     return engine.batches(lanes_from(engine, [[0.02, 0.9], [0.5, 0.1], [0.7, 0.97]]), 3, "")
 
 
+@pytest.mark.full
 def test_the_answer_does_not_depend_on_the_start(engine, ends):
     assert [e.status for e in ends] == ["optimal"] * 3
     assert np.ptp([e.value for e in ends]) < 1e-8 * ends[0].value

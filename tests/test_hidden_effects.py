@@ -255,6 +255,7 @@ def test_a_slow_sensor_shows_a_tone_as_the_closed_form_does():
         assert np.abs(shown - exact)[settled].max() < 2e-4, (tau, frequency)
 
 
+@pytest.mark.full
 def test_an_effect_that_the_first_run_cannot_show_is_of_no_size():
     """A roller that never passes there; seed 851's sensor reached its limit in another run."""
     passed = cases.taught(drawn(1087), [1.5])

@@ -176,8 +176,10 @@ OPPOSED = np.eye(3)[[0, 0]] * [[1], [-1]], np.eye(3)[[2, 2]]
 
 @pytest.mark.filterwarnings("ignore:(the wheels do not hold|no wheel drives|The speeds)")
 @pytest.mark.parametrize(
-    "layout, turning", [(IN_A_PLANE, [1.3] * 3), (OPPOSED, [1.3, -1.3])], ids=["plane", "opposed"]
-)
+    "layout, turning",
+    [pytest.param(IN_A_PLANE, [1.3] * 3, id="plane"),
+     pytest.param(OPPOSED, [1.3, -1.3], id="opposed", marks=pytest.mark.full)],
+)  # fmt: skip
 def test_runs_of_what_nothing_holds_are_the_same_on_every_path(layout, turning):
     """Three wheels around the equator, or two opposite each other: every run was non-finite."""
     rig, ts = machine(layout), jnp.linspace(0, 0.1, 6)

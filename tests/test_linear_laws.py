@@ -150,7 +150,11 @@ def _numbers(rig):
 
 
 @ANY_SPEEDS
-@pytest.mark.parametrize("long", [False, True], ids=["four, a run", "three, the long run"])
+@pytest.mark.parametrize(
+    "long",
+    [pytest.param(False, id="four, a run", marks=pytest.mark.full),
+     pytest.param(True, id="three, the long run")],
+)  # fmt: skip
 def test_sweeps_of_linear_laws_are_those_of_the_numbers_that_they_are(own, long):
     """Figures in bulk, and slopes of runs; such a law was stepped in time."""
     rng, n = drawn_anew("sweeps of linear laws"), 3 if long else 4
@@ -325,6 +329,7 @@ def _feeding(rig, law, rate: float) -> float:
     return float(brentq(growth, -3000.0, 0.0, xtol=1e-3))
 
 
+@pytest.mark.full
 def test_a_law_that_feeds_the_motion_has_no_long_run_and_lifts_off_as_its_run_does(own):
     """A damper of negative size: a pole that grows shows more at a block's end than before."""
     rng = drawn_anew("laws that feed")

@@ -221,6 +221,7 @@ def test_nothing_is_named_where_nothing_is_missing(tmp_path, sure):
     assert (found.verdict, found.effects) == ("none", []), found
 
 
+@pytest.mark.full
 def test_an_axis_at_one_speed_is_ambiguous_with_every_friction(tmp_path):
     """It was `none`: its inertia, at the end of its range, was taken to explain all that was left;
     a friction that was there stood behind by the colour of a noise as if the axis were at rest."""

@@ -334,7 +334,6 @@ MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
 BULK, STEADY, FIXED = ("bulk",), ("steady", "steady-bulk"), ("fixed",)
 CASES = [  # methods, layout, profiles (none: all gated), effects, values of a quantity
     (BULK, "tripod", None, linear_effects, 3),
-    (BULK, "orthogonal", MIXED, effects_of_a_turn, 1),
     (BULK, "four", None, plain, 1),
     (STEADY, "tripod", None, linear_effects, 1),
     (FIXED, "orthogonal", None, effects_under_torques, 1),
@@ -347,6 +346,7 @@ GRID = [
     for effects in (plain, effect)
 ]  # fmt: skip
 MORE = [
+    (BULK, "orthogonal", MIXED, effects_of_a_turn, 1),
     (BULK, "four", None, linear_effects, 3),
     (BULK, "five", None, linear_effects, 3),
     (STEADY, "tripod", None, linear_effects, 3),

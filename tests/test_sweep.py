@@ -417,6 +417,7 @@ def test_a_force_of_other_than_three_components_is_refused(made, force):
         made((1.0, 2.0, 3.0), force)
 
 
+@pytest.mark.full
 def test_a_solver_that_is_asked_for_by_name_is_taken():
     """A linear rig at constant speeds had gone by exact propagation whichever was asked for."""
     given = {"duration": 0.2, "rate": 200}
