@@ -192,9 +192,8 @@ def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Flo
     one through the last three: Catmull-Rom where the steps are even.  Of two samples at one time
     neither feels the other.
     """
-    at = time - delay
-    i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    last = len(time) - 2
+    at, last = time - delay, len(time) - 2
+    i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, last)
     steps = jnp.diff(time)
     slopes = jnp.diff(values, axis=0) / jnp.where(steps > 0, steps, 1.0)[:, None]
 

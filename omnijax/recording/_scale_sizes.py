@@ -15,7 +15,7 @@ WHITE = 0.6  # of the -7/8 by which such differences of white noise correlate
 DEEP = 20.0  # times the depth of a gap that dR in its right unit is at most
 PUSHED = 20.0  # times what contacts and forces can do to the platform
 SHAKEN = 100.0  # m/s^2, below which no acceleration is too large
-SURE = 6.0  # sigma by which the mean acceleration has to stand out
+SURE = 5.0  # sigma by which the mean acceleration has to stand out
 GIVEN = 6  # pieces with a force that tell it
 
 
@@ -118,8 +118,15 @@ def _allowed(run: Recording, rig: Any) -> float:
 
 
 def _pushed(run: Recording, rig: Any) -> Wrong:
-    """Columns of a and the force that do not belong to each other: all, where all that tell do."""
+    """Columns of a and the force that do not belong to each other: all, where all that tell do.
+
+    Where none tells alone, all are asked together.
+    """
     slopes, sigma = _slopes(run, float(rig.total_mass))
+    if not np.any(slopes > SURE * sigma):
+        weights = sigma**-2.0
+        total = max(float(np.sum(weights)), 1e-300)
+        slopes, sigma = np.full(3, slopes @ weights / total), np.full(3, total**-0.5)
     sure = slopes > SURE * sigma
     small, large = sure & (slopes < 1 / WRONG), sure & (slopes > WRONG)
     if np.any(sure) and any(np.array_equal(sure, wrong) for wrong in (small, large)):
