@@ -86,6 +86,7 @@ def test_each_lane_has_its_own_first_and_second_derivatives():
     np.testing.assert_allclose(together[1][1], difference, rtol=1e-4)
 
 
+@pytest.mark.full
 def test_gradients_stay_finite_on_an_edge_and_at_critical_damping():
     """The run starts on a gap's edge and at rest; a mode of the rig is critically damped."""
     wheels = BASE.wheels
