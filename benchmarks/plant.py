@@ -330,8 +330,8 @@ def rig_text(rig, uncertainty: dict[str, float] = SPREAD) -> str:
     lines = [f"[sphere]\nradius = {rig['R']}\nmass = {rig['M']!r}\ninertia = {rig['I']!r}\n",
              f"[platform]\nmass = {rig['Ml']!r}\n"
              f"gravity = {np.ravel(rig['g']).tolist()}\n"]  # fmt: skip
-    word = "half-sine" if rig["half"] else "continuous-sine" if rig["wave"] else "gated-sine"
-    word = "rollers" if rig["pivot"] else word
+    words = {"pivot": "rollers", "half": "half-sine", "wave": "continuous-sine"}
+    word = next((word for key, word in words.items() if rig[key]), "gated-sine")
     for i in range(len(rig["K"])):
         K, C, k, c = (float(rig[key][i]) for key in ("K", "C", "k", "c"))
         lines.append(

@@ -132,6 +132,7 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
 
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:
     """Every numeric parameter that may change: bodies, all wheels at once, each wheel, effects.
+
     One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.  Raises `InputError`
     where an effect stands twice at a place: one path would name two numbers.
     """

@@ -87,10 +87,10 @@ def _shape_obstacle(rig: Rig) -> str | None:
         if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
         laws = [p.law for p in rig.at("shape") if i in p.wheels]
-        kind = period_kind(rig, i)
-        if kind != "pitch" and any(isinstance(law, DamagedRoller) for law in laws):
+        kind, damaged = period_kind(rig, i), any(isinstance(law, DamagedRoller) for law in laws)
+        if damaged and kind != "pitch":
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
-        if isinstance(profile, TableShape) and any(isinstance(x, DamagedRoller) for x in laws):
+        if damaged and isinstance(profile, TableShape):
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is a table"
         if kind == "own" and laws and isinstance(profile, TableShape):
             return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"

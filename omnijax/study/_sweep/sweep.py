@@ -89,11 +89,10 @@ def sweep(
     about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
     with _held(folder, asked, resume, chunk is not None, about) as store:
         spread = workers is not None or scheduler is not None
-        devices = sampling.devices
-        run = over_cluster(store, workers, scheduler) if spread else _local(store, devices)
+        run = over_cluster(store, workers, scheduler) if spread else _local(store, sampling.devices)
         with saying(store.kept):
             _run(store, run, report)
-            _check_steps(store, devices)
+            _check_steps(store, sampling.devices)
     return SweepResult(store)
 
 
