@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 from seeds import drawn_anew
 
-from omnijax.diagnosis._answer.answer import _only_there
+from omnijax.diagnosis._answer.answer import _only_there, unended
 from omnijax.diagnosis._answer.verdict import Verdict
 from omnijax.diagnosis._answered import beside_doubt
 from omnijax.diagnosis._ode.build import priors_of
@@ -221,6 +221,45 @@ def test_noise_of_a_colour_leaves_open_what_it_may_have_moved():
     fit = refit(white, Point(np.zeros(1)))
     assert _covariance(fit, 1.0)[0, 0] == pytest.approx(fit.covariance[0, 0], rel=1.0)
     assert _covariance(fit, 1.0)[0, 0] >= fit.covariance[0, 0] * (1 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    "strength, colour, least",
+    [(1.0, 0.0, 0.95), (3.0, 0.0, 0.95), (1.0, 0.9, 0.85), (0.4, 0.95, 0.85)],
+)
+def test_the_sigma_of_a_number_is_that_of_what_the_fit_leaves(strength, colour, least):
+    """Noise three times as strong, or slow, moves a number by more than white noise of size 1.
+
+    A second number that nothing tells keeps its prior, and never more than that.
+    """
+    rng, rows, off = drawn_anew(f"sigma {strength} {colour}"), 2000, []
+    shape = np.cos(0.01 * np.arange(rows))
+    for _ in range(300):
+        white = rng.normal(size=rows)
+        noise = strength * lfilter([np.sqrt(1 - colour**2)], [1, -colour], white)
+        model = SmallModel(
+            lambda p, *_, noise=noise: noise - p["p"] * shape,
+            [Prior("p", 0.0, 1e3, False), Prior("q", 0.0, 2.0, False)], {}, "all",
+        )  # fmt: skip
+        fit = refit(model, Point(np.zeros(2)))
+        covariance = fit.scaled_covariance(model.dof("train"))
+        assert np.all(np.diag(covariance) >= np.diag(fit.covariance) * (1 - 1e-9))
+        assert covariance[1, 1] == pytest.approx(1.0)
+        off.append(fit.point.u[0] / np.sqrt(covariance[0, 0]))
+    assert np.mean(np.abs(off) < 2) > least
+    assert np.mean(np.abs(off) < 2) < 0.995  # and not wider than need be
+
+
+def test_a_fit_that_had_not_come_to_its_end_says_so():
+    rng, rows = drawn_anew("not at its end"), 500
+    shape, noise = np.cos(0.1 * np.arange(rows)), rng.normal(size=rows)
+    model = SmallModel(
+        lambda p, *_: 5 * shape - np.tanh(p["p"]) * 6 * shape + noise,
+        [Prior("p", 0.0, 1.0, False)], {}, "all",
+    )  # fmt: skip
+    assert unended(model, refit(model, Point(np.zeros(1)))) == []
+    (said,) = unended(model, refit(model, Point(np.zeros(1)), rounds=1))
+    assert "had not come to its end" in said
 
 
 def test_numbers_of_effects_are_left_open_too():

@@ -109,7 +109,7 @@ def test_calibrated_numbers_are_those_of_the_rig_that_is_the_answer():
 
     def fit(u, variance):
         return SimpleNamespace(point=SimpleNamespace(u=np.array([u])),
-                               covariance=np.array([[variance]]))  # fmt: skip
+                               scaled_covariance=lambda dof: np.array([[variance]]))  # fmt: skip
 
     outcome: Any = SimpleNamespace(priors=(prior,), baseline=fit(0.2, 0.8), fit=fit(4.0, 0.01))
     for verdict, of in (
@@ -118,7 +118,7 @@ def test_calibrated_numbers_are_those_of_the_rig_that_is_the_answer():
     ):  # fmt: skip
         judged: Any = SimpleNamespace(verdict=verdict)
         assert answering(outcome, judged) is of
-        (row,) = baseline_table(outcome, answering(outcome, judged))
+        (row,) = baseline_table(outcome, answering(outcome, judged), 100)
         assert row["with_effects"] == prior.at(of.point.u[0])
         assert row["without_effects"] == prior.at(0.2)
         assert row["determined"] == row["at_bound"] == (of is outcome.fit)

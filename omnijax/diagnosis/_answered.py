@@ -275,7 +275,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         where=plain_where(where),
         gap=gaps(evidence, shown, first, last),
         next_experiment=experiment,
-        baseline=baseline_table(outcome, answer),
+        baseline=baseline_table(outcome, answer, model.dof("train")),
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,

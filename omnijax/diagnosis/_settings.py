@@ -801,6 +801,8 @@ class AnswerResultSettings:
     # times the noise (1 sigma beside it): above this something else is missing too
     remains: float = 1.4
     determined: float = 0.7  # prior sigmas, below which the runs have told a parameter
+    # of chi2 by the noise that is left, which one more step promises: a number moves by 1 sigma
+    unended: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...laws import Parameter
-from .._search import Effect, Fit, Point, SearchResult
+from .._search import AbstractModel, Effect, Fit, Point, SearchResult, predicted
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .judges import JUDGES
@@ -22,16 +22,15 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
     if judged.verdict not in ("named", "ambiguous"):
         return []
     model, fit, out = evidence.model, outcome.fit, []
-    floor, price = min(judged.floor, outcome.held_after), float(np.log(model.dof("train")))
-    # what is left above the noise, or less than was assumed, is noise for the sizes too
-    spread = max(1.0, fit.chi2 / model.dof("train"))
+    dof = model.dof("train")
+    floor, price = min(judged.floor, outcome.held_after), float(np.log(dof))
     for i, effect in enumerate(fit.point.effects):
         near = judged.equals.get(i, [])
         less, held = outcome.alone.get(i, (outcome.baseline, outcome.held_before))
         margin = min((r.margin for r in outcome.rivals.get(i, [])), default=None)
         mine = {"margin_to_next": margin}
         refits = [  # effect, chi2 of both splits, covariances, and what stands beside these
-            (effect, fit.chi2, outcome.held_after, fit.covariances(i), mine),
+            (effect, fit.chi2, outcome.held_after, fit.covariances(i, dof), mine),
             *((r.effect, r.chi2, r.held, r.covariances, {"margin": r.margin, "cosine": r.cosine})
               for r in near),
         ]  # fmt: skip
@@ -44,7 +43,7 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
                 "held_out_chi2": gain, **beside,
             }  # fmt: skip
             law = model.laws[one.id].parameters
-            sigma = {k: _sigma(law[k], one.values[k], spread * x) for k, x in numbers.items()}
+            sigma = {k: _sigma(law[k], one.values[k], x) for k, x in numbers.items()}
             parameters = _parameters(evidence, one, sigma)
             others = _others(everyone, one, outcome)
             out.append(Named(one.id, one.place, parameters, evidenced, others))
@@ -140,11 +139,14 @@ def answering(outcome: SearchResult, judged: Verdict) -> Fit:
     return outcome.fit if judged.verdict in ("named", "ambiguous") else outcome.baseline
 
 
-def baseline_table(outcome: SearchResult, fit: Fit) -> list[dict[str, Any]]:
-    """Uncertain parameters before, calibrated without effects and in `fit`, and what is known."""
+def baseline_table(outcome: SearchResult, fit: Fit, dof: int) -> list[dict[str, Any]]:
+    """Uncertain parameters before, calibrated without effects and in `fit`, and what is known.
+
+    Their 1-sigma are those that the fit's `dof` rows show.
+    """
     out = []
     priors = outcome.priors
-    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    sigma = np.sqrt(np.maximum(np.diag(fit.scaled_covariance(dof)), 0.0))
     for k, prior in enumerate(priors):
         first, last = prior.at(outcome.baseline.point.u[k]), prior.at(fit.point.u[k])
         out.append({
@@ -207,6 +209,7 @@ def notes(
             "began or since an effect closed most of the gap: further effects and some rivals have "
             "not been tried."
         )
+    said += unended(model, answering(outcome, judged))
     if outcome.refused:
         who = JUDGES[evidence.confirmed_on].name
         said.append(f"Not confirmed by {who}: {', '.join(outcome.refused)}.")
@@ -216,6 +219,21 @@ def notes(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+def unended(model: AbstractModel, fit: Fit) -> list[str]:
+    """That a fit's steps had not come to their end, by what one more of them promises."""
+    if not np.isfinite(fit.cost):
+        return []
+    _, cost = predicted(model, fit.point, fit.residual, fit.jacobian)
+    fall = fit.cost - cost
+    if fall < SETTINGS.answer_result.unended * max(1.0, fit.chi2 / model.dof("train")):
+        return []
+    return [
+        f"The last refit had not come to its end: one more step promises to lower its chi2 of "
+        f"{fit.chi2:.6g} by {fall:.2g}, so that sizes and calibrated numbers may be off by more "
+        "than their sigma says."
+    ]
 
 
 def _only_there(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> list[str]:

@@ -169,7 +169,7 @@ class RigEvidence(AbstractEvidence):
 
     def clocks(self, fit):
         model, said = self.model, []
-        spread = np.sqrt(np.diag(fit.covariance) * max(1.0, fit.chi2 / model.dof("train")))
+        spread = np.sqrt(np.diag(fit.scaled_covariance(model.dof("train"))))
         for k, prior in enumerate(model.priors):
             late, sigma = prior.at(fit.point.u[k]), prior.sigma * spread[k]
             head, _, group = prior.name.partition(".")

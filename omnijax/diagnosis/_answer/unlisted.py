@@ -96,7 +96,7 @@ def _numbers(
 ) -> dict[str, tuple[float, float, float]]:
     """(stated, refitted, 1-sigma) of the further numbers."""
     P = len(model.priors)
-    sigma = np.sqrt(np.diag(refitted.covariance)[P:] * max(1.0, refitted.chi2 / model.dof("train")))
+    sigma = np.sqrt(np.diag(refitted.scaled_covariance(model.dof("train")))[P:])
     values = refitted.point.u[P:]
     return {
         p.name: (p.value, p.at(u), abs(p.slope(u)) * s)

@@ -14,6 +14,7 @@ from .candidates import values_to_try as values_to_try
 from .doubt import within_doubt as within_doubt
 from .fit import Fit as Fit
 from .fit import difference_rows as difference_rows
+from .fit import predicted as predicted
 from .fit import refit as refit
 from .fit import refits_about as refits_about
 from .fit import seen_from as seen_from

@@ -17,7 +17,6 @@ from .model import AbstractModel, Point, moved
 
 CHANCE = SETTINGS.doubt.chance
 MISFIT = SETTINGS.calibration.misfit
-BLOCKS = SETTINGS.held_out.blocks
 ROUNDS = SETTINGS.doubt.rounds
 NEAR = SETTINGS.doubt.near
 
@@ -72,7 +71,6 @@ def _covariance(fit: Fit, spread: float) -> np.ndarray:
     Liang, Zeger (1986).
     """
     root = _root(fit.covariance)
-    starts = np.linspace(0, len(fit.residual), BLOCKS, endpoint=False).astype(int)
-    sums = np.add.reduceat(fit.jacobian * fit.residual[:, None], np.unique(starts), axis=0) @ root
+    sums = fit.block_sums() @ root
     more, ways = np.linalg.eigh(sums.T @ sums)
     return (root @ ways * np.maximum(more, max(1.0, spread))) @ (root @ ways).T

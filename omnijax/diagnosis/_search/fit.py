@@ -21,6 +21,7 @@ FAR = SETTINGS.fit.far
 STEP = SETTINGS.fit.step
 LEAST = SETTINGS.fit.least
 PRIOR_STEP = SETTINGS.fit.prior_step
+BLOCKS = SETTINGS.held_out.blocks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,13 +41,49 @@ class Fit:
         """What the fit makes small."""
         return self.chi2 + self.penalty
 
-    def covariances(self, i: int) -> dict[str, np.ndarray]:
-        """By free number of effect `i` its covariance (k, k), of a vector's k parts."""
+    def covariances(self, i: int, dof: int) -> dict[str, np.ndarray]:
+        """By free number of effect `i` its `scaled_covariance` (k, k), of a vector's k parts."""
         places: dict[str, list[int]] = {}
         for k, free in enumerate(self.free):
             if free.effect == i:
                 places.setdefault(free.key, []).append(len(self.point.u) + k)
-        return {key: self.covariance[np.ix_(own, own)] for key, own in places.items()}
+        scaled = self.scaled_covariance(dof)
+        return {key: scaled[np.ix_(own, own)] for key, own in places.items()}
+
+    def scaled_covariance(self, dof: int) -> np.ndarray:
+        """The covariance (numbers, numbers) by what the fit leaves in `dof` rows.
+
+        `covariance` is that of white noise of the assumed level.  What is left above it counts as
+        noise too, which makes no prior wider; and where it has a colour, or is stronger in the
+        channels that tell a number, that number is less sure by the scatter of the sums of tangent
+        times residual over blocks of rows.
+
+        Source: White, A heteroskedasticity-consistent covariance matrix estimator (1980); over
+        blocks, Liang, Zeger (1986).
+        """
+        spread = self.chi2 / dof
+        if self.covariance.size == 0 or not np.isfinite(spread):
+            return self.covariance
+        spread, P = max(1.0, spread), len(self.point.u)
+        gram = self.jacobian.T @ self.jacobian / spread
+        gram[:P, :P] += np.eye(P)
+        white = inverse(gram)
+        scattered = np.sum((self.block_sums() @ white / spread) ** 2, axis=0)
+        scattered += np.sum(white[:P] ** 2, axis=0)  # as the priors do
+        worse = np.sqrt(np.maximum(1.0, scattered / np.maximum(np.diag(white), 1e-300)))
+        return white * np.outer(worse, worse)
+
+    def block_sums(self) -> np.ndarray:
+        """Sums (blocks, numbers) of tangent times residual over blocks of rows."""
+        starts = np.linspace(0, len(self.residual), BLOCKS, endpoint=False).astype(int)
+        products = self.jacobian * self.residual[:, None]
+        return np.add.reduceat(products, np.unique(starts), axis=0)
+
+
+def inverse(gram: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric matrix of numbers of any units; 0 along what it does not know."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    return np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
 
 
 def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
@@ -188,7 +225,7 @@ def _finished(model: AbstractModel, state: FitState, J: np.ndarray | None) -> Fi
         empty = np.zeros((len(state.residual), P + len(free)))
         return Fit(state.point, np.inf, 0.0, free, np.zeros((P + len(free),) * 2), empty,
                    state.residual)  # fmt: skip
-    gram, _, scale = normal(state, J)
-    covariance = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+    gram, _, _ = normal(state, J)
+    covariance = inverse(gram)
     prior = float(state.point.u @ state.point.u)
     return Fit(state.point, state.cost - prior, prior, free, covariance, J, state.residual)
