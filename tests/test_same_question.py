@@ -14,12 +14,14 @@ from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
 from omnijax.cli._motion import MotionOptions
-from omnijax.rig import parse_rig, rig_text, save_rig
+from omnijax.laws import FloorVibration, WheelRunout
+from omnijax.rig import parse_rig, put_parameter, rig_text, save_rig
 from omnijax.simulation import TorqueDrive, speeds
 from omnijax.study import parse_study, refit_remarks
 from omnijax.study._evaluation import Question, evaluation_of, samples_of
 from omnijax.study._evaluation.coarse import coarse_samples
-from omnijax.study._evaluation.methods import choose, wheels_in_step
+from omnijax.study._evaluation.in_step import wheels_in_step
+from omnijax.study._evaluation.methods import choose
 from omnijax.study._target import read_axes
 
 STUDY = """
@@ -179,16 +181,53 @@ def test_samples_that_do_not_follow_the_rollers_are_told():
 
 def test_wheels_in_step_are_told():
     rng, rig = drawn_anew("in step"), load_rig("atlas-tripod")
-    pace, other = rng.uniform(0.5, 3, 2)
+    pace, other = rng.uniform(0.5, 3), rng.uniform(4.1, 4.9)
     assert wheels_in_step(question(rig, [pace, 1.1 * pace, 1.3 * pace])) is None
     assert wheels_in_step(question(rig, [pace, 0.0, 0.0])) is None  # what rests has no pace
-    told = wheels_in_step(question(rig, [pace, other, -pace]))
-    assert told is not None and told.startswith("w1 and w3 pass")
-    assert wheels_in_step(question(rig, [pace, other, -pace], ("speed.w3",))) is None
-    assert wheels_in_step(question(rig, [[pace, other, 2 * pace], [pace, pace, pace]])) is not None
-    with pytest.warns(DataWarning, match="w1, w2 and w3 pass their gaps in step"):
+    told = wheels_in_step(question(rig, [pace, other * pace, -pace]))
+    assert told is not None and told.startswith("w1 and w3 turn in step, and")
+    assert wheels_in_step(question(rig, [pace, other * pace, -pace], ("speed.w3",))) is None
+    assert wheels_in_step(question(rig, [[pace, 0, 0], [pace, pace, pace]])) is not None
+    p, q = rng.permutation([1, 2, 3])[:2]
+    told = wheels_in_step(question(rig, [p * pace, np.pi * pace, -q * pace]))
+    assert told is not None and f"w1 and w3 turn in step, as {p / min(p, q):.4g} : " in told
+    assert wheels_in_step(question(rig, [4 * pace, np.pi * pace, 5 * pace])) is None
+    with pytest.warns(DataWarning, match="w1, w2 and w3 turn in step, and"):
         evaluation_of(question(rig, [pace] * 3))
     evaluation_of(question(rig, [pace] * 3, duration=1.0), 100.0)  # takes the angles
+
+
+def test_levels_of_speeds_and_rollers_that_are_in_step_are_told():
+    """A sweep of a wheel's speed was asked as if that wheel stood still."""
+    rng, rig = drawn_anew("levels in step"), load_rig("atlas-tripod")
+    pace, drive = rng.uniform(0.5, 3), question(rig, [1.0, 1.0, 1.0]).drives[0]
+
+    def told(vary, speeds, rig=rig):
+        ranges = read_axes(rig, drive, vary)
+        asked = question(rig, [x * pace for x in speeds], tuple(x.path for x in ranges))
+        return wheels_in_step(asked, ranges)
+
+    levels = [0.37 * pace, pace, 3 * pace, 0.61 * pace]
+    said = told({"wheel.mass": [5.0, 6.0], "speed.w2": levels}, [1.0, 1.0, np.pi])
+    assert said is not None and said.startswith("w1 and w2 turn in step in 2 of 4 designs, and")
+    assert told({"speed.w2": f"{pace}:{3 * pace}"}, [1.0, 1.0, np.pi]) is None  # drawn
+    rollers = int(np.asarray(rig.wheels.rollers)[0])
+    said = told({"wheel.w1.rollers": [rollers, 2 * rollers + 1, 2 * rollers]}, [1.0, np.e, 1.0])
+    assert said is not None and "w1 and w3 turn in step in 2 of 3 designs, and" in said
+    unlike = put_parameter(rig, "wheel.w1.rollers", 7 * rollers + 1)
+    assert told({"wheel.mass": [5.0]}, [1.0, np.pi, 1.0], unlike) is None
+    law = WheelRunout(amplitude=1e-4, phase=0.0)
+    said = told({"wheel.mass": [5.0]}, [1.0, np.pi, 1.0], unlike.add(law, "w1").add(law, "w3"))
+    assert said is not None and said.startswith("w1 and w3 turn in step, as ")  # once a turn
+
+
+def test_a_phase_of_the_long_run_that_does_not_count_is_refused():
+    rig = load_rig("atlas-tripod").add(
+        FloorVibration(amplitude=0.1, frequency=13.0, phase=0.1, direction=jnp.array([0, 0, 1.0])),
+        "platform",
+    )
+    with pytest.raises(InputError, match=r"phase` is varied, and figures of the long run"):
+        choose(question(rig, [1.0, 0.0, 2.3], ("effect.floor-vibration.platform.phase",)))
 
 
 def test_a_start_angle_that_does_not_count_is_refused(capsys):

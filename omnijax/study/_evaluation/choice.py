@@ -13,7 +13,8 @@ from .coarse import coarse_samples
 from .drives import apply
 from .evaluation import Evaluation, samples_of, without_run
 from .fixed_steps import fine_enough, trial_designs
-from .methods import Question, choose, wheels_in_step
+from .in_step import wheels_in_step
+from .methods import Question, choose
 from .misfits import speed_misfits
 
 Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
@@ -50,7 +51,7 @@ def evaluation_of(
         samples=None if times is None else len(times),
     )
     method, why = choose(question)
-    if question.duration is None and (remark := wheels_in_step(question)) is not None:
+    if question.duration is None and (remark := wheels_in_step(question, ranges)) is not None:
         tell([remark])
     if times is not None and (remark := coarse_samples(question, times, ranges)) is not None:
         tell([remark])

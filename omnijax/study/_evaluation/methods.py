@@ -93,32 +93,15 @@ def _phases_that_do_not_count(q: Question) -> str | None:
                 f"`angle.{name}` is varied, and figures of the long run are those of all start "
                 "angles of a wheel that turns"
             )
+    for path in q.varied:
+        if path.startswith("effect.floor-vibration.") and path.endswith(".phase"):
+            return f"`{path}` is varied, and figures of the long run are those of all phases"
     return None
 
 
 def _speeds(q: Question) -> Float[np.ndarray, "d n"]:
     """The constant speeds of the wheels in every drive, rad/s."""
     return np.array([np.asarray(turning(d).values)[0] for d in q.drives])
-
-
-def wheels_in_step(q: Question) -> str | None:
-    """Which wheels pass their gaps in step, so that their start angles matter; None where none do.
-
-    The figures of the long run take the phases of signals as independent.
-    """
-    paces = np.abs(_speeds(q)) * np.asarray(q.rig.wheels.rollers, float)
-    paces[:, [f"speed.{name}" in q.varied for name in q.rig.names]] = 0.0
-    for row in paces:
-        for pace in row[row > 0]:
-            alike = np.flatnonzero(np.isclose(row, pace, rtol=1e-9, atol=0))
-            if len(alike) > 1:
-                *names, last = (q.rig.names[i] for i in alike)
-                return (
-                    f"{', '.join(names)} and {last} pass their gaps in step, and in the "
-                    "long run no start angles are taken as known: an RMS is the mean over them, a "
-                    "peak the largest of all. A duration takes the angles of the drive."
-                )
-    return None
 
 
 def _no_steady_metric(q: Question) -> str | None:
