@@ -110,7 +110,7 @@ def _batches(
             values, bars, at = figures(design, batch.layout, batch.effort)
             return Answer((values[:-MARGINS], bars), values[-MARGINS:]), at
 
-        (values, bars), margins = answered(ask, batch.design, batch.count, 1)
+        (values, bars), margins = answered(ask, batch.design, batch.layout, batch.count, 1)
         parts.append(np.concatenate([values, margins, batch.held()[None]]))
         if gradient:
             slopes.append(batch.back(bars))

@@ -8,24 +8,31 @@ smooth there,
 
     f(0) = (4 f(h) + 4 f(-h) - f(2 h) - f(-2 h))/6 + O(h^4)
 
-and so are its derivatives by the arrays of a design.  h moves the diagonal of A, which is what
-damps, by its h-th part, or the rate of such a sinusoid.
+and so are its derivatives by the arrays of a design.  h moves the rate of such a sinusoid; or it
+moves A by S h, which acts on the states of the poles that coincide alone.  With Q a basis of these,
+P^H Q = 1, and P^H A Q = mu + N, where N is what their poles differ by and what ties them, S = Q D
+P^H with D = g^2 N^+: the poles go to mu +- g sqrt(h), whatever the units of the states are.
+
+Source: Golub, Van Loan, Matrix Computations, 7.6 (invariant subspaces by ordered Schur forms).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
+from scipy.linalg import schur, solve_sylvester
 
 from .poles import Eigen
-from .system import LinearDesign
+from .system import Layout, LinearDesign
 
 CONDITION = 60.0  # of a pole: 1 where vectors are orthogonal, about 1/g at a gap g of their poles
-DAMPING = 5e-4  # h of the diagonal: poles that coincide are then 3 % of their size apart
+APART = 0.03  # of their damping, by which poles that coincide are moved: g
+TOGETHER = 2.0  # times that: poles that are farther apart do not coincide
+TIED = 4.0  # times g, and what poles differ by: what ties them is larger
 LEAD = 0.02  # rad, by which the sinusoid at the point h is ahead after a run
 NEAR = 1e-4  # of the rate: poles farther off cancel little, however short the run
 STEPS = np.array([1.0, -1.0, 2.0, -2.0])
@@ -37,6 +44,7 @@ class Coincidence(NamedTuple):
     """What comes together in each design of a batch."""
 
     poles: Bool[Array, " B"]  # two poles and their vectors
+    slow: Float[Array, ""]  # 1/s, of a run: slower damping does not tell poles apart in it
     shift: Float[Array, "B v"]  # rad/s, of the sinusoids that meet a pole: what h moves them by
 
     @property
@@ -63,12 +71,12 @@ def coincidence(
     number = jnp.isfinite(value.real).all(axis=1)
     poles = number & ~(condition(pairs) < CONDITION).all(axis=1)
     if duration is None:
-        return Coincidence(poles, jnp.zeros_like(rate))
+        return Coincidence(poles, jnp.zeros(()), jnp.zeros_like(rate))
     least = jnp.minimum(LEAD / (2 * duration), NEAR * turns)
     re, im = value.real[:, None], value.imag[:, None]
     gap = jnp.square(re) + jnp.square(im - turns[:, :, None])  # (B, v, k)
     meet = jnp.any(gap < jnp.square(least)[:, :, None], axis=2)
-    return Coincidence(poles, jnp.where(meet, LEAD / duration, 0.0))
+    return Coincidence(poles, 1 / duration, jnp.where(meet, LEAD / duration, 0.0))
 
 
 def condition(pairs: Eigen) -> Float[Array, "c k"]:
@@ -86,6 +94,7 @@ def condition(pairs: Eigen) -> Float[Array, "c k"]:
 def answered(
     ask: Callable[[LinearDesign, Int[np.ndarray, " B"]], tuple[Answer, Coincidence]],
     design: LinearDesign,
+    layout: Layout,
     count: int,
     axis: int,
 ) -> Answer:
@@ -93,7 +102,7 @@ def answered(
     what the points beside them say.
 
     `numbers`: of the designs in the batch, where each comes from; `axis`: that of the answer's
-    designs.
+    designs; `layout`: the groups of states that do not move each other.
     """
     size = len(design.preload)
     answer, at = ask(design, np.arange(size))
@@ -101,7 +110,7 @@ def answered(
     if len(some) == 0:
         return answer
     answer = jax.tree.map(lambda x: np.moveaxis(np.array(x), axis, 0), answer)
-    for own, moved in _beside(design, at, some):
+    for own, moved in _beside(design, layout.blocks, at, some):
         points = jax.tree.map(
             lambda x: np.moveaxis(np.asarray(x), axis, 0), ask(moved, _filled(own, size))[0]
         )
@@ -117,7 +126,10 @@ def _filled(own: Int[np.ndarray, " k"], size: int) -> Int[np.ndarray, " B"]:
 
 
 def _beside(
-    design: LinearDesign, at: Coincidence, some: Int[np.ndarray, " k"]
+    design: LinearDesign,
+    blocks: Sequence[tuple[int, ...]],
+    at: Coincidence,
+    some: Int[np.ndarray, " k"],
 ) -> Iterator[tuple[Int[np.ndarray, " k"], LinearDesign]]:
     """As many of some designs as have room for their points in a batch, and these points."""
     size = len(design.preload)
@@ -126,13 +138,84 @@ def _beside(
     for first in range(0, len(some), room):
         own = some[first : first + room]
         numbers = _filled(own, size)
-        moved, poles, shift = jax.tree.map(lambda x, of=numbers: np.asarray(x)[of], (design, *at))
-        A, rate = moved.system.A, moved.signals.rate
-        more = np.where(poles, DAMPING * step, 0.0)[:, None] * np.diagonal(A, axis1=1, axis2=2)
-        A = A + more[:, :, None] * np.eye(A.shape[1])
+        moved, poles, shift = jax.tree.map(
+            lambda x, of=numbers: np.asarray(x)[of], (design, at.poles, at.shift)
+        )
+        A, rate = np.array(moved.system.A), moved.signals.rate
+        count = len(own) * len(STEPS)
+        for first_point in range(0, count, len(STEPS)):
+            if poles[first_point]:
+                each = slice(first_point, first_point + len(STEPS))
+                S = apart(A[first_point], blocks, float(at.slow))
+                A[each] += STEPS[:, None, None] * S
+        A[count:] = A[count - 1]
         system = moved.system._replace(A=A)
         signals = moved.signals._replace(rate=rate + step[:, None] * shift)
         yield own, moved._replace(system=system, signals=signals)
+
+
+def apart(
+    A: Float[np.ndarray, "m m"], blocks: Sequence[tuple[int, ...]], slow: float
+) -> Float[np.ndarray, "m m"]:
+    """S, by which A moves so that poles of a block that coincide do not; 0 where none do.
+
+    `slow` (1/s): see `Coincidence`.
+    """
+    S = np.zeros_like(A)
+    for block in blocks:
+        own = np.array([i for i in block if i >= 0])
+        S[np.ix_(own, own)] += _apart(A[np.ix_(own, own)], slow)
+    return S
+
+
+def _apart(A: Float[np.ndarray, "m m"], slow: float) -> Float[np.ndarray, "m m"]:
+    value = np.linalg.eigvals(A)
+    S = np.zeros_like(A)
+    for some in _clusters(value, slow):
+        mu, rest = value[some].mean(), np.delete(value, some)
+        if mu.imag < -1e-9 * abs(mu):  # its conjugate counts for both
+            continue
+        radius = np.abs(value[some] - mu).max()
+        if len(rest):
+            radius = (radius + np.abs(rest - mu).min()) / 2
+        T, Z, k = schur(A, output="complex", sort=lambda z, m=mu, r=radius: abs(z - m) <= r)
+        if k != len(some):
+            continue
+        X = solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:])
+        left = np.concatenate([np.eye(k), X], axis=1) @ Z.conj().T
+        moved = Z[:, :k] @ _untied(T[:k, :k], _split(mu, slow)) @ left
+        S += (2 if mu.imag > radius else 1) * moved.real
+    return S
+
+
+def _split(mu: complex, slow: float) -> float:
+    """g of poles at mu, 1/s."""
+    return APART * (abs(mu.real) + slow)
+
+
+def _clusters(value: Complex[np.ndarray, " m"], slow: float) -> list[list[int]]:
+    """Which poles coincide, two or more of them each."""
+    most = TOGETHER * APART * (np.minimum.outer(-value.real, -value.real).clip(0) + slow)
+    near = np.abs(np.subtract.outer(value, value)) < most
+    clusters, left = [], set(range(len(value)))
+    while left:
+        new = cluster = {left.pop()}
+        while new := {int(j) for i in new for j in np.flatnonzero(near[i])} - cluster:
+            cluster = cluster | new
+        left -= cluster
+        if len(cluster) > 1:
+            clusters.append(sorted(cluster))
+    return clusters
+
+
+def _untied(T: Complex[np.ndarray, "k k"], g: float) -> Complex[np.ndarray, "k k"]:
+    """D of poles with the Schur form T: g^2 N^+ of what ties them."""
+    N = T - np.eye(len(T)) * np.trace(T) / len(T)
+    gap = np.abs(np.diag(N)).max()
+    U, size, V = np.linalg.svd(N)
+    inverse = np.where(size > TIED * max(gap, g), 1 / np.maximum(size, 1e-300), 0.0)
+    square = max(g * g, 4 * gap * gap)  # so that no point h moves poles together
+    return square * (V.conj().T * inverse) @ U.conj().T
 
 
 def _put(

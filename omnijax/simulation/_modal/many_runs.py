@@ -59,7 +59,7 @@ class ModalRuns:
                 outputs, at = _outputs(design, *self._given, length, effort=b.effort)
                 return Answer(outputs), at
 
-            outputs = answered(ask, design, wanted, 0).smooth
+            outputs = answered(ask, design, b.layout, wanted, 0).smooth
             yield RunGroup(outputs, rigs, wanted, design)
 
     def _length(self) -> int:
@@ -97,7 +97,7 @@ class ModalRuns:
             bars, at = _run_slopes(design, few, *samples, given[numbers], effort=self.effort)
             return Answer(bars), at
 
-        bars = answered(ask, group.design._replace(system=part), group.wanted, 1).smooth
+        bars = answered(ask, group.design._replace(system=part), few, group.wanted, 1).smooth
 
         def placed(x, axis: int) -> np.ndarray:
             whole = np.zeros(np.insert(np.delete(x.shape, axis), axis, layout.rows))
