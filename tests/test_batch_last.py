@@ -105,7 +105,7 @@ def test_a_large_batch_is_worked_out_in_parts_and_in_order(mapped, size):
     assert max(widths) <= LANES
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", tiered(range(6), lambda seed: seed > 2))
 def test_sums_of_products_over_any_axes(seed):
     """Drawn: kept, free and summed axes in any order, 0 to hundreds of terms, one side fixed."""
     rng = np.random.default_rng(seed)

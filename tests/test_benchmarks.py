@@ -74,7 +74,7 @@ def test_the_programs_leave_the_process_its_subnormal_numbers():
 
 
 @needs_compiler
-@pytest.mark.parametrize("count", [3, 4, 6])
+@pytest.mark.parametrize("count", tiered([3, 4, 6], lambda count: count == 4))
 def test_the_general_program_agrees_with_the_modes(count):
     library = _c.compiled("general")
     for damping in (0.0, 120.0, 20000.0):
@@ -85,7 +85,8 @@ def test_the_general_program_agrees_with_the_modes(count):
 
 
 @needs_compiler
-@pytest.mark.parametrize("count", tiered([3, 4, 6], lambda count: count > 3))
+@pytest.mark.full  # in the gate the special program in C: test_steady_bulk
+@pytest.mark.parametrize("count", [3, 4, 6])
 def test_the_general_program_and_the_package_agree_on_long_runs(count):
     """Two ways to the suprema: a fine grid and many starts, and what `steady` is measured by."""
     rng, library = drawn_anew("long runs"), _c.compiled("general")
@@ -108,7 +109,7 @@ def test_what_is_timed_compiles_nothing_once_warm():
 
 
 @ANY_SPEEDS
-@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("count", tiered([3, 4], lambda count: count == 4))
 def test_general_machines_are_the_rigs_they_are_measured_beside(count):
     import jax.numpy as jnp
 

@@ -53,6 +53,7 @@ def test_a_nearly_singular_machine_is_told(tmp_path, capsys):
     assert "The speeds do not fit each other" in warned and "hardly drive the axis" in warned
 
 
+@pytest.mark.full  # in the gate its words: test_hold
 def test_a_run_of_a_sphere_that_is_not_held_says_so(tmp_path, capsys):
     file = tmp_path / "x.toml"
     text = rig_text(EXAMPLES["ballbot"])

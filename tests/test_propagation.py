@@ -11,6 +11,7 @@ from machines import ANY_SPEEDS, SKEW, drawn_machine, machine
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax import InputError, laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
@@ -52,15 +53,15 @@ DRIVES = {
 }
 
 
-@pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
-def test_agrees_with_integration(drive):
-    rig = machine(SKEW)
+@pytest.mark.parametrize("name", tiered(DRIVES, "constant".__eq__))  # constant with effects, below
+def test_agrees_with_integration(name):
+    rig, drive = machine(SKEW), DRIVES[name]
     exact = propagate(rig, drive, TS)
     stepped = simulate(rig, drive, TS, solver="dopri8", rtol=1e-11)
     assert _distance(exact, stepped) < 1e-9
-    for name in ("R_l", "attitude", "normal_force", "deflection"):
-        a, b = np.asarray(getattr(exact, name)), np.asarray(getattr(stepped, name))
-        assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), name
+    for channel in ("R_l", "attitude", "normal_force", "deflection"):
+        a, b = np.asarray(getattr(exact, channel)), np.asarray(getattr(stepped, channel))
+        assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), channel
 
 
 def test_effects_and_profiles_agree_with_integration():
@@ -92,7 +93,7 @@ def _stepped(rig, w, model, ts, count=16000):
     return np.asarray(rows)[::every] @ C.T
 
 
-@pytest.mark.parametrize("model", ["coupled", "paper"])
+@pytest.mark.parametrize("model", tiered(["coupled", "paper"], "paper".__eq__))
 def test_drawn_rigs_follow_the_linear_system(model):
     """2 to 5 unlike wheels of unlike profiles, one of them still, contacts damped or not."""
     rng = drawn_anew(f"linear system, {model}")
@@ -109,6 +110,7 @@ def test_drawn_rigs_follow_the_linear_system(model):
         assert error < 2e-5 * np.abs(want).max()  # interpolation at kinks: h^2
 
 
+@pytest.mark.full  # in the gate drawn rigs of unlike signals
 def test_signals_of_unlike_sizes_take_no_room_from_each_other(monkeypatch):
     """A runout of one wheel of four made room for a turn's pieces on all of them."""
     rng = drawn_anew("signals of unlike sizes")
@@ -211,6 +213,7 @@ def test_starts_at_an_edge_with_the_slope_of_the_side_it_turns_to():
         assert np.abs(force[1] - force[0]).max() < 1e-4 * force.max(), how
 
 
+@pytest.mark.full  # in the gate the runs, above
 def test_a_sweep_of_wheels_that_turn_backwards_sees_what_a_run_sees():
     rng = drawn_anew("backwards")
     rig = drawn_machine(rng, 3, contact_damping=2000.0)

@@ -5,11 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from references import reference
+from tiers import tiered
 
 from omnijax.simulation import simulate, table, torques
 
 
-@pytest.mark.parametrize("name", ["ref-1", "ref-2"])
+# of the former, whose plant is the simpler: test_trajectory_files and test_plant
+@pytest.mark.parametrize("name", tiered(["ref-1", "ref-2"], "ref-1".__eq__))
 def test_agrees_with_a_separate_program(name):
     rig, t, torque, force, expected = ref = reference(name)
     drive = torques(table(t, torque), table(t, force), ref.angles)

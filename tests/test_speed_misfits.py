@@ -170,6 +170,7 @@ def test_the_page_says_how_far_contacts_slide():
     assert _sliding(rig, fitting_speeds(rig, [0.1, 0.2, 0.3])) == []
 
 
+@pytest.mark.full  # in the gate traced rigs, above, and test_gradients
 def test_what_is_known_is_told_where_a_caller_is_traced():
     """Parts of an array of sample times are traced there: gradients of runs were a traceback."""
     rig, ts = load_rig("atlas"), jnp.linspace(0, 0.02, 11)

@@ -45,6 +45,7 @@ def _harmonic(rig, w, count=6000):
     return np.sqrt(total)
 
 
+@pytest.mark.full  # in the gate long runs, and C: test_steady_bulk
 def test_rms_agrees_with_thousands_of_harmonics():
     """Undamped, damped and overdamped contacts, by one program."""
     rigs = [machine(ORTHOGONAL, contact_damping=damping) for damping in (0.0, 120.0, 20000.0)]
@@ -60,6 +61,7 @@ def test_rms_agrees_with_thousands_of_harmonics():
     np.testing.assert_allclose(together, 1, rtol=0, atol=1e-9)
 
 
+@pytest.mark.full  # in the gate every metric of drawn rigs, below
 def test_agrees_with_a_long_run():
     rig, w = machine(SKEW), np.array([0.9, 2.1, -1.4])
     state = steady_state(rig, w)
@@ -72,6 +74,7 @@ def test_agrees_with_a_long_run():
     assert abs(np.sqrt(np.mean(size**2)) / float(state.rms) - 1) < 0.03
 
 
+@pytest.mark.full  # in the gate: test_extremes
 def test_suprema_among_a_thousand_hardly_damped_oscillations():
     rig, w = machine(ORTHOGONAL), jnp.array([0.124, -0.108, -0.3115])
     for path, value in (

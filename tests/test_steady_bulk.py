@@ -167,6 +167,7 @@ def test_more_starts_find_no_higher_supremum(monkeypatch):
     np.testing.assert_allclose(peak, more, rtol=1e-6)
 
 
+@pytest.mark.full  # in the gate: test_hold, in a batch
 def test_what_nothing_holds_has_that_word():
     rig = machine(SKEW)
     normal = jnp.asarray(rig.wheels.normal).at[1].set(-rig.wheels.normal[0])

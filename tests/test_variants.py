@@ -71,6 +71,7 @@ def test_deflection_rate_jumps_at_a_gap_edge():
     assert wheel == pytest.approx(-damping * jump / float(rig.wheels.mass[0]), rel=0.1)
 
 
+@pytest.mark.full  # in the gate: test_gradients
 def test_gradient_with_respect_to_roundness_at_round_wheels():
     """eta -> 0: the depth is quadratic in eta, so value and gradient vanish without a 0/0."""
 
