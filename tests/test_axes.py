@@ -56,6 +56,7 @@ def test_two_masses_of_the_plant_move_as_those_of_the_library(held):
     assert np.max(np.abs(out["position"] - q)) < 1e-5 * np.max(np.abs(q))
 
 
+@pytest.mark.full  # in the gate: test_axis_windows
 def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
     rng = drawn_anew("play")
     J, J2, step = 10 ** rng.uniform(-5, -2), rng.uniform(0.5, 2.0), 0.01
@@ -138,6 +139,7 @@ def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(t
     assert np.min(np.abs(tried - n)) < 0.25 * resolved  # a refit may move it so far
 
 
+@pytest.mark.full  # in the gate: test_strangers_axes
 def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
     """Slots, then twice the slots, which only the slow rows show, and once a turn.
 

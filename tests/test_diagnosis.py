@@ -259,6 +259,7 @@ def test_two_per_cent_of_outliers_and_a_dropout_change_no_answer(cases, tmp_path
         assert gap.before == pytest.approx(gap.noise_floor, rel=0.06)
 
 
+@pytest.mark.full  # in the gate a user's law: test_diagnosis_answers
 def test_a_planted_runout_is_named_with_place_and_size(cases, tmp_path):
     found = diagnose(cases["runout"])
     assert found.verdict == "named"

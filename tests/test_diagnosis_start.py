@@ -178,6 +178,7 @@ def test_a_run_that_speeds_up_from_rest_does_not_begin_in_motion(kind):
         assert not begins_rolling("theta", speeding, 0.0)
 
 
+@pytest.mark.full  # in the gate: test_diagnosis_null
 def test_wheels_without_encoder_stand_where_the_laws_of_a_point_say(tmp_path, monkeypatch):
     """As a machine without them answers a start that is off: chi2 7 to 200 a degree of freedom.
 

@@ -81,6 +81,7 @@ def cubic(k3, x):
     return k3 * x**3
 
 
+@pytest.mark.full  # in the gate: test_machine_contract
 def test_stepped_laws_agree_with_an_adaptive_solver_to_second_order(atlas):
     rig = add(add(atlas, "contact-cubic", "all", K3=2e12), "mount-cubic", "w2", k3=1e12)
     error = []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax import cli
 from omnijax.diagnosis import diagnose
@@ -212,7 +213,7 @@ def test_dry_friction_and_a_line_are_named(tmp_path, seed):
     assert {r["role"] for r in found.free_runs} == {"train", "held-out"}
 
 
-@pytest.mark.parametrize("sure", [False, True])
+@pytest.mark.parametrize("sure", tiered([False, True], bool))
 def test_nothing_is_named_where_nothing_is_missing(tmp_path, sure):
     data = drawn(5)
     if sure:  # a file that calls no number uncertain

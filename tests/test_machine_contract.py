@@ -180,19 +180,21 @@ DRIFT = {f"theta_{k}": ("sensor-drift", f"theta_{k}", {"a": a, "b": b})
 LATE = ("sensor-delay", "theta", {"delay": 6e-3})
 LAG = ("sensor-lag", "theta", {"tau": 3e-3})
 LIMIT = ("sensor-saturation", "theta", {"limit": 0.4})
+RECTIFIED = ("sensor-rectified", "theta_3", {})
+STOPS = (LIMIT, ("sensor-saturation", "theta_2", {"limit": 0.3}))
 
 
 @pytest.mark.parametrize(
     "sensors",
-    [
+    tiered([
         (DRIFT["theta_2"], LATE),
         (LATE, DRIFT["theta_2"]),
         (DRIFT["theta_1"], ("sensor-rectified", "theta_1", {}), LAG),
-        (DRIFT["theta_3"], ("sensor-rectified", "theta_3", {})),
+        (DRIFT["theta_3"], RECTIFIED),
         (("sensor-rectified", "theta_1", {}), ("sensor-rectified", "theta_2", {})),
-        (LIMIT, ("sensor-saturation", "theta_2", {"limit": 0.3})),
+        STOPS,
         (LIMIT, ("sensor-lag", "theta", {"tau": 0.011})),
-    ],
+    ], lambda sensors: sensors in ((LATE, DRIFT["theta_2"]), (DRIFT["theta_3"], RECTIFIED), STOPS)),
 )  # fmt: skip
 def test_encoders_that_drift_with_another_law_are_understood(turning, sensors):
     """The drift of a late one was taken at another moment, the start of a folded one elsewhere."""
@@ -201,6 +203,7 @@ def test_encoders_that_drift_with_another_law_are_understood(turning, sensors):
     assert in_sigmas(machine_of(rig, torque, run), rig) < 0.3
 
 
+@pytest.mark.full  # in the gate drawn rigs and laws
 def test_friction_of_rolling_feels_the_normal_forces_of_laws_at_contacts():
     """The linear model's normal forces left 11 sigma at the truth of a drawn rig."""
     laws = (
@@ -290,6 +293,7 @@ def test_the_tables_name_every_law():
     assert named == set(EFFECTS)
 
 
+@pytest.mark.full  # in the gate drawn ones, and of encoders
 def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
     """The second acts on what the first left: no pair leaves more than its laws alone do."""
     rig, torque, _ = turning

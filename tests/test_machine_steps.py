@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax import cli
 from omnijax.diagnosis._ode.numbers import Numbers
@@ -62,7 +63,7 @@ def reference(file, u) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["play", "cubic", "linear"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", tiered(range(2), bool))
 def test_a_free_run_follows_what_stiffens_on_its_way(kind, seed):
     file, u = drawn(kind, seed)
     got = free_run(file.machine, file.placed, {"position": (0.0, 0.0)}, {"input": u}, STEP)

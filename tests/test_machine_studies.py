@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from tiers import tiered
 
 from omnijax import cli
 from omnijax.machine import LogFile, free_run, parse_machine, read_log
@@ -39,7 +40,7 @@ def rms(data, log):
     return float(np.sqrt(np.mean((q - got) ** 2)))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", tiered(range(2), bool))
 def test_figures_and_derivatives_are_those_of_single_runs(tmp_path, seed):
     file, log, _ = made(tmp_path, seed)
     J = float(file.machine.inertia)

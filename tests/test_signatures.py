@@ -52,6 +52,7 @@ def agreeing(tmp_path_factory):
     )  # fmt: skip
 
 
+@pytest.mark.full  # in the gate weak laws, below
 def test_a_gap_far_below_a_mount_s_deflection_is_seen(agreeing):
     """Its force is a sign's, in proportion to the gap, which a signature of a large one is not."""
     model, point, residual, _ = agreeing
