@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
+from tiers import tiered
 
 import omnijax
 from omnijax.cli import run
@@ -114,6 +115,7 @@ def test_speeds_that_do_not_fit_are_told(type_, machine):
     assert out.startswith("ok")
 
 
+@pytest.mark.parametrize("machine", tiered(MACHINES, "four-wheel".__eq__), indirect=True)
 def test_orders_and_replay_of_the_run(type_, machine):
     typed = ",".join(["7"] * machine[1])  # a turn and a bit
     type_(f"simulate rig.toml --speed {typed} --duration 1s --out run.nc --overwrite")
@@ -285,6 +287,7 @@ def test_a_slip_of_the_hand_is_told_in_one_sentence(type_, line, sentence):
     assert sentence in err and "Traceback" not in err and out == ""
 
 
+@pytest.mark.parametrize("machine", tiered(MACHINES, "four-wheel".__eq__), indirect=True)
 def test_python_gives_what_the_commands_print(type_, machine):
     typed = ",".join(["0.5"] * machine[1])
     line = f"simulate rig.toml --speed {typed} --duration 1s --json"

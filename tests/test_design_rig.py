@@ -128,6 +128,7 @@ def test_the_rig_of_a_design_has_no_load():
     assert np.all(omnijax.get_parameter(made, "contact.damping") == 70.0)
 
 
+@pytest.mark.full  # in the gate: test_design
 def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(starts, "GENERATIONS", 4)  # there is nothing that more could find
     path = study_file(tmp_path, ("min = 30.0", "min = 200.0"))

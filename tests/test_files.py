@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from tiers import more
 
 from omnijax import InputError, _files
 from omnijax.cli import run
@@ -157,7 +158,9 @@ SPEEDS = ("--speed", "1,-1.2,0.3", "--duration", "1.2s", "--rate", "9kHz")
 
 
 @pytest.mark.parametrize(
-    ("asked", "kind"), [(TORQUES, ".nc"), (SPEEDS, ".nc"), (SPEEDS, ".csv.gz")]
+    ("asked", "kind"),
+    # torques in the gate: test_cli_simulate
+    [(SPEEDS, ".nc"), (SPEEDS, ".csv.gz"), *more((TORQUES, ".nc"))],
 )
 def test_a_killed_run_goes_on_and_another_machine_does_not(
     tmp_path, monkeypatch, capsys, asked, kind
