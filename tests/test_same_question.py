@@ -263,6 +263,7 @@ def test_speeds_that_fit_the_sphere_of_another_rig_are_told(tmp_path, capsys):
     assert refit_remarks(rig, ["sphere.mass", "wheel.roundness", "force.x"]) == []
     omega = ",".join(f"{x:.3f}" for x in rng.uniform(0.5, 2, 3))
     words = ["sweep", "atlas-tripod", "--omega", omega, "--vary", "sphere.radius=0.9,1.0"]
+    words += ["--duration", "20ms"]
     assert run(words) == 0 and "`sphere.radius` varied, other designs" in capsys.readouterr().err
     study = {"rig": "atlas-tripod", "drive": [{"omega": [0.0, 1.0, 2.0]}]}
     ranged = {"path": "wheel.radius", "low": 0.03, "high": 0.05}

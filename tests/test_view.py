@@ -93,6 +93,7 @@ def test_panel_answers_sliders():
         panel.evaluate({"wheel.roundness": "x"})
 
 
+@pytest.mark.full  # in the gate the panel; long runs: test_steady
 @pytest.mark.brief
 def test_what_the_sliders_show_is_what_simulate_gives():
     """Random positions on two drawn rigs with effects, against runs whose transients are over.
@@ -168,7 +169,7 @@ def test_panel_says_which_law_it_cannot_show():
 
 
 def test_every_mode_is_in_the_diagram_and_every_contact_in_the_table():
-    rig = machine()
+    rig = set_parameter(load_rig("atlas"), "wheel.w2.mass", 0.3)  # a program of those above
     panel = Panel("a", rig, [0.6, 1.2, 0.9], 0)
     answer = panel.evaluate({})
     hertz = np.unique(np.round(np.asarray(natural_frequencies(rig)), 2))
