@@ -78,6 +78,7 @@ def test_check_tells_the_machine_and_fits_a_terminal(type_, machine):
     )
 
 
+@pytest.mark.parametrize("machine", tiered(MACHINES, "four-wheel".__eq__), indirect=True)
 def test_a_run_with_a_first_speed_below_zero(type_, machine):
     omega = np.array([0.2, 0.5, -1.0]) * 0.12 / machine[2]
     rig = json.loads(type_("check rig.toml --json")[0])

@@ -60,6 +60,7 @@ def lanes_from(engine, shares, limit=None) -> Starts:
     return Starts(shares, jnp.ones_like(shares), jnp.tile(bound, (len(shares), 1)))
 
 
+@pytest.mark.full  # in the gate searches by slopes, below
 def test_slopes_of_a_margin_stand_in_a_program_that_is_not_optimised(engine):
     """There entries and minimum are rounded differently: `jnp.min` gave a slope of 0/0."""
     share = jnp.array([0.7, 0.97])

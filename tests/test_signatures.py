@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 from test_plant import recorded
+from tiers import tiered
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine import orders, tangents, to_run, with_roles
@@ -92,7 +93,11 @@ def test_signatures_tell_how_far_they_are_once_those_that_need_most_room_are_mad
                for (n, whole), text in zip(counts, told, strict=True))  # fmt: skip
 
 
-@pytest.mark.parametrize("id", EXACT)
+# beside other frictions of the same ports
+DEAR = ("spin-resistance", "stribeck", "load-friction", "friction-asymmetry")
+
+
+@pytest.mark.parametrize("id", tiered(EXACT, DEAR.__contains__))
 def test_a_signature_is_what_a_weak_law_changes(agreeing, id):
     """A change of one standard deviation in all rows together: within 3 % of it."""
     model, point, residual, live = agreeing
