@@ -50,8 +50,9 @@ def test_runge_kutta_programs_converge_to_the_references():
     assert 0 < problem.error(coarse, fine) < 1e-3
 
 
+@pytest.mark.full  # in the gate a separate program: test_reference
 @needs_compiler
-@pytest.mark.parametrize("case", tiered([(3, 0.0), (4, 2e-6)], lambda case: case[0] == 3))
+@pytest.mark.parametrize("case", [(3, 0.0), (4, 2e-6)])
 def test_the_machine_program_is_the_rig(case):
     """Hertz contacts, unlike wheels: the C program against adaptive steps of the package's rig."""
     (count, play), rows, samples = case, problem.designs(8, 120.0)[5:6], 60
