@@ -5,6 +5,7 @@ What a law below one of the library's makes is its own formula, nowhere that of 
 
 import tomllib
 
+import jax
 import jax.numpy as jnp
 import jsonschema
 import numpy as np
@@ -16,7 +17,7 @@ from omnijax.diagnosis._machine.clocks import late_by, offset_of
 from omnijax.diagnosis._machine.laws import on_time, readings, remembers
 from omnijax.diagnosis._ode.before import Before, matters, memories_at
 from omnijax.diagnosis._ode.known import memories
-from omnijax.dynamics import sensor_readings
+from omnijax.dynamics import sensor_readings, wheel_shape
 from omnijax.laws import EFFECTS, GENERIC, ActuatorLag, low_passed
 from omnijax.machine import (
     Axis,
@@ -134,6 +135,7 @@ def test_what_a_law_of_an_axis_remembers_is_followed(case):
 LAW = """
 import tomllib
 
+import jax
 import jax.numpy as jnp
 import jsonschema
 from omnijax.laws import AbstractShaft, Parameter
@@ -238,6 +240,21 @@ def test_a_law_below_the_damaged_roller_is_read_from_a_file(tmp_path):
     assert cli.run(["check", str(path)]) == 0
     again = load_rig(path)
     assert type(again.effects[0].law) is law and rig_text(again) == rig_text(rig)
+    angle = jnp.linspace(0, 2 * np.pi, 500)
+    shapes = [
+        np.asarray(jax.vmap(lambda a, rig=rig: wheel_shape(rig, a * jnp.ones(3)))(angle))
+        for rig in (again, atlas.add(laws.DamagedRoller(number(1.0), number(0.4)), "w2"), atlas)
+    ]
+    np.testing.assert_allclose(shapes[0], shapes[1], rtol=0, atol=1e-15)
+    assert np.abs(shapes[0] - shapes[2]).max() > 1e-6
+
+
+@pytest.mark.full  # in the gate its shape (above), and such a law's run: test_add_a_law
+def test_a_law_below_the_damaged_roller_moves_a_machine_as_that_one_does(tmp_path):
+    (tmp_path / "chip.py").write_text(CHIPPED, encoding="utf-8")
+    (law,) = load_laws(tmp_path / "chip.py").values()
+    atlas = load_rig("atlas")
+    again = atlas.add(law(number(1.0), number(0.2)), "w2")
     library = atlas.add(laws.DamagedRoller(number(1.0), number(0.4)), "w2")
     drive, times = speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.5, 101)
     own, known = (simulate(x, drive, times, solver="exponential").dR for x in (again, library))

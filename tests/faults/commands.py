@@ -43,7 +43,7 @@ SPEED = ("--speed", "1,1.2,0.3")
 
 RUN = "simulate rig.toml --speed 1,1.2,0.3 --duration"
 GRID = "sweep rig.toml --speed 1,1.2,0.3 --metric rms,peak --vary contact.stiffness=log:5e4:5e5:"
-SWEEP = f"{GRID}12"
+SWEEP = f"{GRID}12 --duration 20ms"
 
 # name -> words; `{}` is where its results go
 WRITING = {
