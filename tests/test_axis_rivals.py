@@ -105,6 +105,7 @@ def test_a_delay_is_told_from_a_lag_where_the_noise_is_weighed_by_its_colour(tmp
     assert model.margin(wrong, right) < -model.settings.equal
 
 
+@pytest.mark.full  # in the gate a held input's delay, below
 def test_a_lag_shows_how_the_input_is_read(tmp_path):
     rng = drawn_anew("reading")
     held = HoldReading(motor(rng, tmp_path, {"lag": rng.uniform(0.012, 0.016)}, "held"), open=True)

@@ -39,6 +39,7 @@ def test_a_run_is_summarised_saved_and_drawn(capsys, tmp_path):
     assert "ΔR (µm)" in plot.read_text(encoding="utf-8")
 
 
+@pytest.mark.full  # in the gate: test_trajectory_files, test_files
 def test_a_recording_drives_and_the_run_is_a_recording_again(capsys, tmp_path):
     given = tmp_path / "given.csv"
     t = np.arange(21) * 2e-3
