@@ -78,6 +78,7 @@ def test_slopes_of_an_output_that_shows_no_pole():
     np.testing.assert_allclose(result[f"d_{metric}.{path}"], slope, rtol=1e-9)
 
 
+@pytest.mark.full  # in the gate with a force, below
 def test_runs_with_a_duration_agree_with_one_run():
     """In bulk the same 21 samples count, the start among them."""
     vary = {"speed.scale": [0.5, 2.0], "wheel.w2.contact.stiffness": [1e5, 2e5]}
@@ -277,10 +278,11 @@ def test_method_follows_from_rig_and_drive():
 
 
 def test_another_size_of_sweep_does_not_compile_again():
-    sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    asked = {"speeds": SPEEDS, "duration": "0.1 s", "rate": "100 Hz", "chunk": 2}
+    sweep("atlas", VARY, **asked)
     compiled = counted()
     larger = {"wheel.roundness": "0.2:0.6:3", "contact.stiffness": "log:5e4:1e6:3"}
-    assert sweep("atlas", larger, speeds=SPEEDS, chunk=2).counts() == {"ok": 9}
+    assert sweep("atlas", larger, **asked).counts() == {"ok": 9}
     assert compiled == []
     jax.jit(lambda x: x + len(compiled))(jax.numpy.ones(11))  # what does compile is counted
     assert compiled
@@ -379,7 +381,7 @@ def test_a_drive_is_read_as_simulate_reads_it():
             simulate("atlas", torques((1, 2, 3), initial_velocity=wanted), "0.1 s")
     turns, text = (1.2 * np.pi, 0.5, 0.1), "36 rpm, 0.5, 0.1"
     for ask in (
-        lambda drive: sweep("atlas", VARY, speeds=drive)["rms"],
+        lambda drive: sweep("atlas", VARY, speeds=drive, duration="0.1 s", rate="100 Hz")["rms"],
         lambda drive: sweep("atlas", VARY, drive=drive, duration="0.1 s", rate="100 Hz")["rms"],
         lambda drive: sensitivity("atlas", drive, parameters="sphere.mass, wheel.radius").raw,
     ):
