@@ -23,7 +23,7 @@ LENGTH, RATE, STEPS = 0.12, 250.0, (1e4, 2e4)  # s, samples and steps a second
 KINKED = {"mount-backlash", "lift-off", "actuator-delay", "actuator-saturation", "load-friction",
           "friction-asymmetry", "damaged-roller"}  # fmt: skip
 GAPPED = {"damaged-roller", "lift-off"}  # without gaps they do nothing
-COUNT, SEVERAL = 5, 2  # effects alone, cases of four of them at once
+COUNT, SEVERAL = 4, 1  # effects alone, cases of four of them at once
 
 
 class Case:

@@ -73,17 +73,18 @@ def test_without_influence_is_named(found):
     assert "wheel.roundness" in repr(found) and "<td>wheel.roundness</td>" in found._repr_html_()
 
 
-def test_a_run_has_the_derivatives_of_its_own_samples():
-    rig = load_rig("atlas")
-    paths = ["contact.stiffness", "wheel.roundness"]
-    found = sensitivity(rig, SPEED, "rms,peak,peak_x", duration=0.2, parameters=paths)
+PATHS = ["contact.stiffness", "wheel.roundness"]
+
+
+@pytest.mark.full  # in the gate the bulk's (below), and those of propagated runs: test_gradients
+def test_metrics_that_the_bulk_does_not_give_have_the_derivatives_of_one_run():
+    found = sensitivity("atlas", SPEED, "rms,peak,peak_x", duration=0.2, parameters=PATHS)
     assert found.method == "propagation" and len(found.parameters) == 6
-    both = sensitivity(rig, SPEED, duration=0.2, parameters=paths)
-    assert both.method == "bulk"  # 20 times faster once its program is there
+    both = sensitivity("atlas", SPEED, duration=0.2, parameters=PATHS)
     size = np.abs(both.raw).max(axis=1, keepdims=True)
     np.testing.assert_allclose(both.raw / size, found.raw[:2] / size, rtol=0, atol=1e-8)
     np.testing.assert_allclose(both.figures, found.figures[:2], rtol=1e-9)
-    ts = jnp.linspace(0, 0.2, 101)
+    ts, rig = jnp.linspace(0, 0.2, 101), load_rig("atlas")
 
     @jax.jit
     def rms(k):
@@ -96,6 +97,19 @@ def test_a_run_has_the_derivatives_of_its_own_samples():
     assert np.isclose(
         found.together("rms")["contact.stiffness"], slope * k / float(rms(k)), rtol=1e-4
     )
+
+
+def test_a_run_has_the_derivatives_of_its_own_samples():
+    rig = load_rig("atlas")
+    found = sensitivity(rig, SPEED, duration=0.2, parameters=PATHS)
+    assert found.method == "bulk"  # 20 times faster once its program is there
+    k, h = 188208.0, 20.0
+    beside = (set_parameter(rig, "contact.stiffness", at) for at in (k - h, k + h))
+    left, right = (
+        sensitivity(one, SPEED, duration=0.2, parameters=PATHS).figures[0] for one in beside
+    )
+    relative = (right - left) / (2 * h) * k / found.figures[0]
+    assert np.isclose(found.together("rms")["contact.stiffness"], relative, rtol=1e-4)
 
 
 def test_a_metric_that_is_zero_depends_on_nothing_in_either_kind_of_sensitivity():
