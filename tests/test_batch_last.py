@@ -72,7 +72,7 @@ def slopes(x, m):
 
 
 @pytest.mark.parametrize(
-    "function", tiered([products, shapes, functions, loops, slopes], products.__eq__)
+    "function", tiered([products, shapes, functions, loops, slopes], lambda f: f is products)
 )  # in the gate products over any axes, below
 @pytest.mark.parametrize("size", tiered([1, 7], lambda size: size == 1))
 def test_the_batch_last_gives_what_the_batch_first_gives(function, size):
