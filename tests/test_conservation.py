@@ -29,8 +29,9 @@ def test_total_momentum_follows_the_external_force():
     rig = rig.add(laws.RollingResistance(jnp.asarray(1e-3)), "all")
     rig = rig.add(laws.LiftOff(), "all")
     drive = torques([0.05, -0.1, 0.2], force)
-    run = eqx.filter_jit(simulate)(rig, drive, TS, solver="dopri8")  # keeps linear invariants
-    gained = np.array([force.integral(t) - force.integral(0.0) for t in TS])
+    ts = TS[:501]  # past a jump of the force
+    run = eqx.filter_jit(simulate)(rig, drive, ts, solver="dopri8")  # keeps linear invariants
+    gained = np.array([force.integral(t) - force.integral(0.0) for t in ts])
     np.testing.assert_allclose(_total_momentum(rig, run), gained, atol=1e-11)
 
 
