@@ -99,6 +99,7 @@ def test_the_general_program_and_the_package_agree_on_long_runs(count):
     assert problem.error(found, np.asarray(ours)) < 1e-6
 
 
+@pytest.mark.full  # in the gate sweeps: test_sweep, and test_modal
 def test_what_is_timed_compiles_nothing_once_warm():
     rows = problem.designs(4, 120.0)
     steady.ours(3, rows, total=0)
