@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from rigs import effect, tables, with_effects
+from seeds import drawn_anew
 
 from omnijax.cli._starter import EXAMPLES
 from omnijax.cli._starter import rig_text as starter
@@ -89,6 +90,19 @@ def test_derivatives_go_to_the_named_wheel_only():
 def test_isotropic_inertia_may_become_a_tensor():
     rig = set_parameter(RIG, "sphere.inertia", 2.0 * jnp.eye(3))
     assert rig.sphere.inertia_matrix.tolist() == (2.0 * np.eye(3)).tolist()
+
+
+def test_an_inertia_that_no_body_has_is_refused_as_in_a_file():
+    """`save_rig` wrote it, and `load_rig` refused the file."""
+    rng = drawn_anew("moments of no body")
+    low, middle = np.sort(rng.uniform(0.5, 2.0, 2))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    wrong, right = (
+        turn @ np.diag([low, middle, share * (low + middle)]) @ turn.T for share in (1.1, 0.99)
+    )
+    with pytest.raises(InputError, match="must obey the triangle inequality"):
+        set_parameter(RIG, "sphere.inertia", (wrong + wrong.T) / 2)
+    set_parameter(RIG, "sphere.inertia", (right + right.T) / 2)
 
 
 def test_a_tensor_may_become_isotropic_inertia_again():

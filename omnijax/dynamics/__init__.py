@@ -79,7 +79,6 @@ if TYPE_CHECKING:
     from ._rotation import turned as turned
     from ._sensors import sensor_readings as sensor_readings
     from ._small import pseudoinverse as pseudoinverse
-    from ._small import solve_all as solve_all
     from ._translation import TRANSLATIONS as TRANSLATIONS
     from ._translation import AbstractTranslation as AbstractTranslation
     from ._translation import Coupled as Coupled

@@ -185,24 +185,26 @@ def _sphere_problems(sphere: Any) -> Iterator[str]:
     inertia = number_in(SphereTable, "inertia", sphere)
     if inertia is None:
         return
-    rows = (
-        inertia
-        if isinstance(inertia, tuple)
-        else ((inertia, 0, 0), (0, inertia, 0), (0, 0, inertia))
-    )
-    low, middle, high = np.linalg.eigvalsh(np.array(rows, float)).tolist()
+    yield from inertia_problems(inertia)
+    moments = float(np.trace(np.array(inertia))) if isinstance(inertia, tuple) else 3 * inertia
+    if mass is not None and radius is not None:
+        most = 2 * mass * radius**2  # sum of the moments, all mass at the surface
+        if moments > most * 1.01:  # rounded figures of a hollow sphere pass
+            yield (
+                f"`sphere.inertia` is more than its mass can have: its principal moments add up to "
+                f"{moments:g} kg m^2, but 2 m R^2 is {most:g}."
+            )
+
+
+def inertia_problems(inertia: Any) -> Iterator[str]:
+    """That no body has such moments (kg m^2): a number, or the rows of a 3x3 tensor."""
+    tensor = np.array(inertia, float) * (1.0 if np.ndim(inertia) == 2 else np.eye(3))
+    low, middle, high = np.linalg.eigvalsh(tensor).tolist()
     if low + middle < high * (1 - 1e-6):
         yield (
             f"`sphere.inertia` must obey the triangle inequality, but of its principal moments "
             f"{low:g}, {middle:g} and {high:g} kg m^2 the largest is above the sum of the others."
         )
-    if mass is not None and radius is not None:
-        most = 2 * mass * radius**2  # sum of the moments, all mass at the surface
-        if low + middle + high > most * 1.01:  # rounded figures of a hollow sphere pass
-            yield (
-                f"`sphere.inertia` is more than its mass can have: its principal moments add up to "
-                f"{low + middle + high:g} kg m^2, but 2 m R^2 is {most:g}."
-            )
 
 
 def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:

@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ._check import inertia_problems
 from ._directions import exact_vectors, not_perpendicular
 from ._machine import Rig
 from ._open import as_rig
@@ -49,6 +50,8 @@ def set_parameter(rig: Rig | str | Path, path: str, value: Any) -> Rig:
         return _with_exact_directions(changed, path, place.index)
     if path.endswith(_PRELOAD):
         _check_preloads(changed)
+    if isinstance(place.quantity, InertiaTensor):
+        _check_inertia(changed)
     return changed
 
 
@@ -79,6 +82,14 @@ def _check_preloads(rig: Rig) -> None:
     ]
     if problems:
         raise InputError(problems)
+
+
+def _check_inertia(rig: Rig) -> None:
+    """`InputError` where no body has the sphere's inertia, as far as it is known."""
+    inertia = rig.sphere.inertia
+    wrong = [] if isinstance(inertia, Tracer) else list(inertia_problems(np.asarray(inertia)))
+    if wrong:
+        raise InputError(wrong)
 
 
 def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any) -> Any:

@@ -27,7 +27,6 @@ from ...dynamics import (
     initial_memory,
     port_forces,
     pseudoinverse,
-    solve_all,
 )
 from ...laws import (
     EFFECTS,
@@ -241,7 +240,7 @@ def static_rest(rig: Rig, model: str, A, B0) -> Float[Array, "m n"]:
     matrix = forces[:, unknown]
     if model == "coupled":  # approach and momentum come first
         matrix = matrix.at[:3, :3].add(-rig.wheels.contact.stiffness[0] * free_projector(rig))
-    return whole.at[unknown].add(-solve_all(matrix, right))
+    return whole.at[unknown].add(-jnp.linalg.solve(matrix, right))
 
 
 def _floor_directions(rig: Rig) -> list[Array]:

@@ -178,7 +178,8 @@ def _apart(A: Float[np.ndarray, "m m"], slow: float) -> Float[np.ndarray, "m m"]
         radius = np.abs(value[some] - mu).max()
         if len(rest):
             radius = (radius + np.abs(rest - mu).min()) / 2
-        T, Z, k = schur(A, output="complex", sort=lambda z, m=mu, r=radius: abs(z - m) <= r)
+        form: Any = schur(A, output="complex", sort=lambda z, m=mu, r=radius: abs(z - m) <= r)
+        T, Z, k = form
         if k != len(some):
             continue
         X = solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:])
@@ -195,7 +196,8 @@ def _split(mu: complex, slow: float) -> float:
 
 def _clusters(value: Complex[np.ndarray, " m"], slow: float) -> list[list[int]]:
     """Which poles coincide, two or more of them each."""
-    most = TOGETHER * APART * (np.minimum.outer(-value.real, -value.real).clip(0) + slow)
+    damping = np.maximum(-np.real(value), 0.0)
+    most = TOGETHER * APART * (np.minimum.outer(damping, damping) + slow)
     near = np.abs(np.subtract.outer(value, value)) < most
     clusters, left = [], set(range(len(value)))
     while left:

@@ -10,6 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from ..._errors import InputError
 from ...dynamics import Model, State, linear_system
 from ...rig import Rig
 from .._channels import trajectory
@@ -26,12 +27,12 @@ EXPLICIT_RATE = 300.0  # 1/s: above this fastest rate of the linear part the exp
 def choose_solver(model: Model, solver: str) -> str:
     """Name of the solver: `auto` takes the exponential one unless the linear part is slow.
 
-    Raises `ValueError` for an unknown one.
+    Raises `InputError` for an unknown one.
     """
     if solver != "auto":
         if solver not in SOLVERS:
             allowed = f"{sorted(SOLVERS)}, auto or exact"
-            raise ValueError(f"`solver` must be one of {allowed}, but is {solver!r}.")
+            raise InputError(f"`solver` must be one of {allowed}, but is {solver!r}.")
         return solver
     A = _matrix(model)
     if isinstance(A, Tracer):  # under a transformation the numbers are not known

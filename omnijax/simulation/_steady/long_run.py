@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._root import root
 from ..._status import Status
-from ...dynamics import held, solve_all
+from ...dynamics import held
 from ...rig import Rig
 from .._exact import (
     GROWTH,
@@ -104,7 +104,7 @@ class LongRun:
 
     def _constant(self, force: Float[Array, "3"]) -> Float[Array, " m"]:
         """y_P: the state that a constant force on the platform (N) holds."""
-        return -solve_all(self.system.A, (self.system.force @ force)[:, None])[:, 0]
+        return -jnp.linalg.solve(self.system.A, self.system.force @ force)
 
     def curves(self, *names: str) -> tuple[Curves, ...]:
         """Outputs beside each other, of each part's signals."""

@@ -19,7 +19,6 @@ from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
 from ..._root import root
-from ...dynamics import solve_all
 
 STEPS = 6  # of Newton from the direction and size of the supremum: 3 to 4 reach rounding
 
@@ -72,7 +71,7 @@ def _newton(phases: Sequence[PhasePlaces], u: Float[Array, "3"], p: float) -> Fl
     along = now.mean @ d
     across = jnp.eye(3) - jnp.outer(d, d)
     curvature = length * across @ now.covariance @ across - along * jnp.eye(3)
-    ways = [now.mean, d - solve_all(curvature, (across @ now.mean)[:, None])[:, 0]]
+    ways = [now.mean, d - jnp.linalg.solve(curvature, across @ now.mean)]
     length += (p - now.F) / jnp.where(along > 0, along, 1.0)
     ends = jnp.stack([length * _unit(way) for way in ways])
     values = jnp.stack([_sum_of_logs(phases, end) for end in ends])
