@@ -188,10 +188,12 @@ def test_wheels_in_step_are_told():
     assert told is not None and told.startswith("w1 and w3 turn in step, and")
     assert wheels_in_step(question(rig, [pace, other * pace, -pace], ("speed.w3",))) is None
     assert wheels_in_step(question(rig, [[pace, 0, 0], [pace, pace, pace]])) is not None
-    p, q = rng.permutation([1, 2, 3])[:2]
+    p, q = rng.permutation([(1, 2), (2, 3)][rng.integers(2)])
     told = wheels_in_step(question(rig, [p * pace, np.pi * pace, -q * pace]))
     assert told is not None and f"w1 and w3 turn in step, as {p / min(p, q):.4g} : " in told
-    assert wheels_in_step(question(rig, [4 * pace, np.pi * pace, 5 * pace])) is None
+    assert (
+        wheels_in_step(question(rig, [pace, np.pi * pace, 3 * pace])) is None
+    )  # less than 3 % of an RMS
     with pytest.warns(DataWarning, match="w1, w2 and w3 turn in step, and"):
         evaluation_of(question(rig, [pace] * 3))
     evaluation_of(question(rig, [pace] * 3, duration=1.0), 100.0)  # takes the angles
@@ -207,7 +209,7 @@ def test_levels_of_speeds_and_rollers_that_are_in_step_are_told():
         asked = question(rig, [x * pace for x in speeds], tuple(x.path for x in ranges))
         return wheels_in_step(asked, ranges)
 
-    levels = [0.37 * pace, pace, 3 * pace, 0.61 * pace]
+    levels = [0.37 * pace, pace, 1.5 * pace, 0.61 * pace]
     said = told({"wheel.mass": [5.0, 6.0], "speed.w2": levels}, [1.0, 1.0, np.pi])
     assert said is not None and said.startswith("w1 and w2 turn in step in 2 of 4 designs, and")
     assert told({"speed.w2": f"{pace}:{3 * pace}"}, [1.0, 1.0, np.pi]) is None  # drawn

@@ -18,7 +18,7 @@ from ...rig import Rig
 from .drives import Drive, apply, turning
 from .methods import Question
 
-LARGEST = 3  # of the whole numbers p and q, as which paces are in step: see above
+RATIOS = (1.0, 1 / 2, 2.0, 2 / 3, 3 / 2)  # of paces in step: those that move an RMS by 3 % and more
 MOST = 4096  # designs that are looked at
 
 
@@ -76,9 +76,8 @@ def _once_a_turn(rig: Rig) -> Bool[np.ndarray, " n"]:
 
 def _in_step(paces: Float[np.ndarray, "n k"]) -> list[int]:
     """The first wheels (by number) that are in step with each other, of their paces; or none."""
-    ratios = [p / q for p in range(1, LARGEST + 1) for q in range(1, LARGEST + 1)]
     linked = {frozenset((i, j)) for i, j in itertools.combinations(range(len(paces)), 2)
-              if _related(paces[i], paces[j], ratios)}  # fmt: skip
+              if _related(paces[i], paces[j])}  # fmt: skip
     if not linked:
         return []
     group = set(min(linked, key=sorted))
@@ -87,9 +86,9 @@ def _in_step(paces: Float[np.ndarray, "n k"]) -> list[int]:
     return sorted(group)
 
 
-def _related(one: np.ndarray, other: np.ndarray, ratios: list[float]) -> bool:
+def _related(one: np.ndarray, other: np.ndarray) -> bool:
     quotients = np.divide.outer(one, other)
-    return bool(np.isclose(quotients[..., None], ratios, rtol=1e-9, atol=0).any())
+    return bool(np.isclose(quotients[..., None], RATIOS, rtol=1e-9, atol=0).any())
 
 
 def _designs(question: Question, drive: Drive, ranges: Sequence[Any]) -> _Paces:
