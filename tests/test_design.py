@@ -803,7 +803,7 @@ def test_a_load_of_too_little_preload_makes_a_design_infeasible_in_any_order(ord
     ]
     study = parse_study({
         "rig": "atlas",
-        "drive": [{"speed": [1, 2, 3]}],
+        "drive": [{"speed": [1, 3, 4]}],
         "variable": [{"path": "wheel.roundness", "low": 0.2, "high": 0.6}],
         "objective": {"metric": "rms"},
         "load": loads[::order],

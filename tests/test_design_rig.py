@@ -253,7 +253,7 @@ def test_cases_are_every_drive_with_every_load():
     study = parse_study(
         {
             "rig": "atlas",
-            "drive": [{"name": "slow", "speed": [1, 2, 3]}, {"name": "fast", "speed": [4, 5, 6]}],
+            "drive": [{"name": "slow", "speed": [1, 3, 5]}, {"name": "fast", "speed": [4, 5, 7]}],
             "load": [
                 {"name": "light", "set": {"sphere.mass": 4.0}},
                 {"name": "heavy", "set": {"wheel.mass": 0.5}},
