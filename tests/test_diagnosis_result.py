@@ -121,7 +121,11 @@ def test_calibrated_numbers_are_those_of_the_rig_that_is_the_answer():
         (row,) = baseline_table(outcome, answering(outcome, judged), 100)
         assert row["with_effects"] == prior.at(of.point.u[0])
         assert row["without_effects"] == prior.at(0.2)
-        assert row["determined"] == row["at_bound"] == (of is outcome.fit)
+        assert row["at_bound"] == (of is outcome.fit)
+        assert not row["determined"]  # by what was stated, or at an end of its range
+    within: Any = fit(2.0, 0.01)
+    (row,) = baseline_table(outcome, within, 100)
+    assert row["determined"] and not row["at_bound"] and row["sigma"] > 0
 
 
 def test_lines_at_one_wheel_are_one_effect():

@@ -236,11 +236,9 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
     """The answer of a search; the sentences `beside` follow the verdict's reason."""
     evidence, outcome, shown, earlier, limits = searched
     model, noise = evidence.model, noise_table(evidence, shown, earlier)
-    (first, before), (last, after) = (
-        _left(evidence, x.point) for x in (outcome.baseline, outcome.fit)
-    )
-    tell(f"verdict: {judged.verdict} ({judged.reason})")
     answer = answering(outcome, judged)
+    (first, before), (last, after) = (_left(evidence, x.point) for x in (outcome.baseline, answer))
+    tell(f"verdict: {judged.verdict} ({judged.reason})")
     effects = named(evidence, outcome, judged)
     learned = None
     if judged.verdict == "unknown":

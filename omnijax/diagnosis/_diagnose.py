@@ -99,7 +99,10 @@ def _warn_of_lists(laws: dict[str, Any]) -> None:
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     check_room(case, library)
     unusable = [str(f) for f in case.all_faults if f.kind == "unusable"]
-    runs, silent = that_tell_their_motion([to_run(run) for run in case.runs])
+    constant = {
+        run.name: [f.column for f in run.faults if f.kind == "constant"] for run in case.runs
+    }
+    runs, silent = that_tell_their_motion([to_run(run) for run in case.runs], constant)
     runs, confirmed_on, said = with_roles(runs, [*unusable, *silent])
     noise = assumed_noise(case)
     levels = run_levels(noise, case.rig.size)

@@ -1,5 +1,6 @@
 """The numbers behind a diagnosis: the gap, free runs, parameters, limits, noise."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -70,9 +71,10 @@ def parameters(diagnosis) -> list[Section]:
             b["parameter"],
             quantity_text(b["stated"], b["unit"]),
             quantity_text(b["without_effects"], b["unit"]),
-            estimate(b["with_effects"], b["sigma"], b["unit"]),
-            f"{round(100 * b['absorbed'], 2) + 0.0:.2g} %",
-            "yes" if b["determined"] else "no: what was stated weighs more",
+            estimate(b["with_effects"], b["sigma"], b["unit"])
+            + (" (end)" if b["at_bound"] else ""),
+            _absorbed(b),
+            _known(b),
         ]
         for b in diagnosis.baseline
     ]
@@ -88,8 +90,24 @@ def parameters(diagnosis) -> list[Section]:
         "Calibrated: together with what was named. Had absorbed: by how much it was off while the "
         "effect was missing."
     )
+    if any(b["at_bound"] for b in diagnosis.baseline):
+        text += " (end): at an end of its range, so that it is not known."
     table = Table(columns, rows, "baseline", "Uncertain parameters.")
     return [Section("Parameters", text, tables=[table])]
+
+
+def _absorbed(row: Mapping[str, Any]) -> str:
+    """How far a number was off while the effect was missing: a share, or in its unit."""
+    if row["relative"]:
+        return f"{round(100 * row['absorbed'], 2) + 0.0:.2g} %"
+    return quantity_text(row["absorbed"] + 0.0, row["unit"])
+
+
+def _known(row: Mapping[str, Any]) -> str:
+    """Whether the runs have told a number."""
+    if row["at_bound"]:
+        return "no: at an end of its range"
+    return "yes" if row["determined"] else "no: what was stated weighs more"
 
 
 def notes(diagnosis) -> list[Section]:
@@ -108,12 +126,16 @@ def _noise(diagnosis) -> Table:
         declared = known["declared"]
         rows.append(
             [channel, unit, f"{factor * declared:.4g}" if declared else "–",
-             factor * known["shown"], factor * known["sigma"], known["colour"]]
+             factor * known["shown"], None if known["at_most"] else factor * known["sigma"],
+             "at most" if known["at_most"] else "level", known["colour"]]
         )  # fmt: skip
     columns = [Column("channel", text=True), Column("unit", text=True),
                Column("declared", text=True), Column("shown"), Column("its sigma", minor=True),
-               Column("colour", text=True)]  # fmt: skip
-    return Table(columns, rows, "noise", "Measurement noise, 1-sigma, as the data show it.")
+               Column("shown as", text=True), Column("colour", text=True, minor=True)]  # fmt: skip
+    note = "Measurement noise, 1-sigma, as the data show it"
+    if any(known["at_most"] for known in diagnosis.noise.values()):
+        note += "; at most: beside a gap, parts of which count in it"
+    return Table(columns, rows, "noise", f"{note}.")
 
 
 def excluded(diagnosis) -> list[Section]:

@@ -1,12 +1,14 @@
 """What is said of a search: named effects with sizes, calibrated parameters, scores and notes."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..._text import listed, quantity_text
 from ...laws import Parameter
-from .._search import AbstractModel, Effect, Fit, Point, SearchResult, predicted
+from .._search import AbstractModel, Effect, Fit, Point, Prior, SearchResult, predicted
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .judges import JUDGES
@@ -142,21 +144,25 @@ def answering(outcome: SearchResult, judged: Verdict) -> Fit:
 def baseline_table(outcome: SearchResult, fit: Fit, dof: int) -> list[dict[str, Any]]:
     """Uncertain parameters before, calibrated without effects and in `fit`, and what is known.
 
-    Their 1-sigma are those that the fit's `dof` rows show.
+    Their 1-sigma are those that the fit's `dof` rows show; a number at an end of its range has none
+    and is not known.  `absorbed` is a share of the number where `relative`, else in its unit.
     """
     out = []
     priors = outcome.priors
     sigma = np.sqrt(np.maximum(np.diag(fit.scaled_covariance(dof)), 0.0))
     for k, prior in enumerate(priors):
         first, last = prior.at(outcome.baseline.point.u[k]), prior.at(fit.point.u[k])
+        at_end = prior.at_bound(fit.point.u[k])
+        own = sigma[k] * prior.sigma
         out.append({
             "parameter": prior.name, "unit": prior.unit, "stated": prior.value,
             "without_effects": first, "with_effects": last,
-            "relative_sigma": float(sigma[k] * prior.sigma),
-            "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
-            "absorbed": float(np.log(first / last)) if prior.relative else 0.0,
-            "determined": bool(sigma[k] < SETTINGS.answer_result.determined),
-            "at_bound": prior.at_bound(fit.point.u[k]),
+            "relative_sigma": None if at_end else float(own),
+            "sigma": None if at_end else float(own * (abs(last) if prior.relative else 1.0)),
+            "absorbed": float(np.log(first / last) if prior.relative else first - last),
+            "relative": prior.relative,
+            "determined": bool(sigma[k] < SETTINGS.answer_result.determined and not at_end),
+            "at_bound": at_end,
         })  # fmt: skip
     return out
 
@@ -194,8 +200,11 @@ def notes(
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
     known = judged.verdict in ("named", "ambiguous")
-    clocks = evidence.clocks(answering(outcome, judged))
-    said = [judged.reason + ".", *_only_there(evidence, outcome, judged), *noise, *clocks]
+    fit = answering(outcome, judged)
+    clocks = evidence.clocks(fit, judged.verdict == "unknown")
+    said = [judged.reason + ".", *_best_known(outcome, judged)]
+    said += [*_only_there(evidence, outcome, judged), *noise, *clocks]
+    said += ended(outcome.priors, fit.point)
     said += evidence.remarks()
     said += twins(outcome, judged)
     said += [
@@ -209,7 +218,7 @@ def notes(
             "began or since an effect closed most of the gap: further effects and some rivals have "
             "not been tried."
         )
-    said += unended(model, answering(outcome, judged))
+    said += unended(model, fit)
     if outcome.refused:
         who = JUDGES[evidence.confirmed_on].name
         said.append(f"Not confirmed by {who}: {', '.join(outcome.refused)}.")
@@ -219,6 +228,34 @@ def notes(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+def _best_known(outcome: SearchResult, judged: Verdict) -> list[str]:
+    """Of an unknown answer the effects that it speaks of and does not name."""
+    effects = outcome.fit.point.effects
+    if judged.verdict != "unknown" or not effects:
+        return []
+    return [
+        f"The best known effects: {listed([e.name for e in effects])}. They are not named, and "
+        "what is told of the gap, its parameters and the diagnosed rig is without them."
+    ]
+
+
+def ended(priors: Sequence[Prior], point: Point) -> list[str]:
+    """Which uncertain numbers stand at an end of their ranges, in a sentence."""
+    ends = [
+        f"{p.name} ({quantity_text(p.at(u), p.unit)})"
+        for p, u in zip(priors, map(float, point.u), strict=True) if p.at_bound(u)
+    ]  # fmt: skip
+    if not ends:
+        return []
+    one = len(ends) == 1
+    why = "it is not known and has" if one else "they are not known and have"
+    return [
+        f"At an end of {'its range' if one else 'their ranges'}: {listed(ends)}. These runs ask "
+        f"for more than that, so {why} no sigma: either more is uncertain than was stated, or something "
+        "that is missing is made up for."
+    ]
 
 
 def unended(model: AbstractModel, fit: Fit) -> list[str]:

@@ -107,8 +107,8 @@ class AbstractEvidence(abc.ABC):
         """Numbers taken for exact that would close the gap of a fit without effects, best first."""
         return []
 
-    def clocks(self, fit: Fit) -> list[str]:
-        """How far the loggers' clocks are apart at a fit, in sentences."""
+    def clocks(self, fit: Fit, open_: bool = False) -> list[str]:
+        """How far the loggers' clocks are apart at a fit, in sentences; `open_`: a gap is left."""
         return []
 
     @abc.abstractmethod

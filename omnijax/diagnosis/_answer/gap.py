@@ -11,7 +11,10 @@ UNITS = {"dR": "m", "theta": "rad", "Omega": "rad/s", "a": "m/s^2"}
 
 
 def gaps(evidence: AbstractEvidence, shown: Shown, before: Columns, after: Columns):
-    """`Gap` of every group on the held-out runs, RMS over its channels; the noise is as shown."""
+    """`Gap` of every group on the held-out runs, RMS over its channels; the noise is as shown.
+
+    Where what is shown is an upper bound, so is what is left: the noise is no more than either.
+    """
     first, last = (squares(in_units(evidence, runs)) for runs in (before, after))
     out = {}
     for group, channels in by_group([c for c in first if c in last]).items():
@@ -19,6 +22,10 @@ def gaps(evidence: AbstractEvidence, shown: Shown, before: Columns, after: Colum
         start, end = (
             [np.sqrt(part[c][0] / part[c][1]) for c in channels] for part in (first, last)
         )
+        floor = [
+            min(f, *left) if c in shown.bounded else f
+            for c, f, *left in zip(channels, floor, start, end, strict=True)
+        ]
         out[group] = OutputGap(_rms(floor), _rms(start), _rms(end), evidence.unit_of(group))
     return out
 

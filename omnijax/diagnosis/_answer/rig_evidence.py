@@ -167,7 +167,8 @@ class RigEvidence(AbstractEvidence):
             "and need not be the same in another run."
         ]
 
-    def clocks(self, fit):
+    def clocks(self, fit, open_=False):
+        """An offset beside a gap that is left may stand for what is missing: it is no fact."""
         model, said = self.model, []
         spread = np.sqrt(np.diag(fit.scaled_covariance(model.dof("train"))))
         for k, prior in enumerate(model.priors):
@@ -177,11 +178,16 @@ class RigEvidence(AbstractEvidence):
                 continue
             way = "late" if late > 0 else "early"
             end = prior.at_bound(fit.point.u[k])
-            said.append(
-                f"{group} was read {1e3 * abs(late):.3g} ± {1e3 * sigma:.1g} ms {way} against "
-                f"angles and torques{', as far as clocks may be off' if end else ''}: its "
-                "logger's clock, calibrated."
-            )
+            size = f"{1e3 * abs(late):.3g}{'' if end or open_ else f' ± {1e3 * sigma:.1g}'} ms"
+            by = f"{size} {way} against angles and torques"
+            most = ", as far as clocks may be off" if end else ""
+            if open_:
+                said.append(
+                    f"{group} agrees best where it is taken as read {by}{most}: its logger's "
+                    "clock, or a part of the gap."
+                )
+            else:
+                said.append(f"{group} was read {by}{most}: its logger's clock, calibrated.")
         return said
 
     def series(self, residual):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..._text import listed
 from .._search import Level, Point, levels
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
@@ -236,7 +237,8 @@ def noise_table(
 ) -> dict[str, dict[str, Any]]:
     """By channel what was declared, what the data show with its 1-sigma, and the colour.
 
-    What an `earlier` look found coloured is whitened since.
+    What an `earlier` look found coloured is whitened since.  `at_most`: a gap is left in the
+    channel or in one that moves with it, so that what is shown is an upper bound.
     """
     out = {}
     for channel in shown.structure:
@@ -250,6 +252,7 @@ def noise_table(
         colours = [x.colour for x in (*first, *own) if x.colour != "white"]
         out[channel] = {
             "declared": assumed["declared"], "shown": value, "sigma": error,
+            "at_most": channel in shown.bounded,
             "colour": assumed.get("colour") or (colours[0] if colours else "white"),
             "unit": assumed["unit"], "source": assumed["source"],
         }  # fmt: skip
@@ -257,13 +260,24 @@ def noise_table(
 
 
 def noise_remarks(table: dict[str, dict[str, Any]]) -> list[str]:
-    """Where declared and shown noise differ, or the noise is not white, in sentences."""
-    said = []
+    """Where declared and shown noise differ, or the noise is not white, in sentences.
+
+    An upper bound above what was declared says nothing against it.
+    """
+    said, most = [], []
     for channel, x in table.items():
-        d, s = x["declared"], x["shown"]
-        if d and abs(np.log(s / d)) > max(OFF, TOLD * x["sigma"] / s):
-            said.append(f"{channel}: declared {d:.3g} {x['unit']}, shown {s:.3g} {x['unit']}")
+        d, s, bound = x["declared"], x["shown"], x["at_most"]
+        if d and abs(np.log(s / d)) > max(OFF, TOLD * x["sigma"] / s) and (s < d or not bound):
+            shown = f"shown {'at most ' if bound else ''}{s:.3g} {x['unit']}"
+            said.append(f"{channel}: declared {d:.3g} {x['unit']}, {shown}")
+        elif bound:
+            most.append(channel)
     lines = [f"The data show another noise than was declared ({'; '.join(said)})."] if said else []
+    if most:
+        lines.append(
+            f"Beside what no named effect explains the noise of {listed(most)} is known to its "
+            "upper bound alone."
+        )
     coloured = [f"{c} ({x['colour']})" for c, x in table.items() if x["colour"] != "white"]
     if coloured:
         lines.append(f"Not white, and weighed as it is: the noise of {', '.join(coloured)}.")

@@ -4,11 +4,13 @@ So do fitted runs beside held-out ones, where these cannot tell what the fitted 
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from ..._errors import InputError
+from ..._text import listed
 from ...recording import channels
 from .._settings import SETTINGS
 from .runs import Run
@@ -20,14 +22,35 @@ TEACH = SETTINGS.roles.teach
 FEWEST = SETTINGS.roles.fewest
 
 
-def that_tell_their_motion(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
-    """(the runs whose motion was measured, what is to be said of the others)."""
+def that_tell_their_motion(
+    runs: Sequence[Run], constant: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> tuple[list[Run], list[str]]:
+    """(the runs whose motion was measured, what is to be said of the others).
+
+    `constant` are the columns by run's name that never change: they were measured, by sensors that
+    stand still, and are not used.
+    """
     said = [
-        f"{run.name}: neither Omega nor {', '.join(silent)} was measured, so its motion is not "
+        f"{run.name}: {_without_motion(silent, constant.get(run.name, ()))}, so its motion is not "
         "known; the run is not used."
         for run in runs if (silent := _silent(run))
     ]  # fmt: skip
     return [run for run in runs if not _silent(run)], said
+
+
+def _without_motion(silent: Sequence[str], constant: Sequence[str]) -> str:
+    """Why columns of angles, and Omega, do not tell the motion of a run."""
+    still = [c for c in constant if c in silent or c.partition("_")[0] == "Omega"]
+    if not still:
+        return f"neither Omega nor {', '.join(silent)} was measured"
+    never = f"{listed(still)} never {'changes' if len(still) == 1 else 'change'}"
+    missing = [c for c in silent if c not in still]
+    if not any(c.startswith("Omega") for c in still):
+        missing = ["Omega", *missing]
+    return f"{never}, as of sensors that stand still" + (
+        f", and {listed(missing)} {'was' if len(missing) == 1 else 'were'} not measured"
+        if missing else ""
+    )  # fmt: skip
 
 
 def _silent(run: Run) -> list[str]:
