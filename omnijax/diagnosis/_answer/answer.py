@@ -253,8 +253,8 @@ def ended(priors: Sequence[Prior], point: Point) -> list[str]:
     why = "it is not known and has" if one else "they are not known and have"
     return [
         f"At an end of {'its range' if one else 'their ranges'}: {listed(ends)}. These runs ask "
-        f"for more than that, so {why} no sigma: either more is uncertain than was stated, or something "
-        "that is missing is made up for."
+        f"for more than that, so {why} no sigma: either more is uncertain than was stated, or "
+        "something that is missing is made up for."
     ]
 
 
