@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from machines import RECORDINGS
+from seeds import drawn_anew
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._answer import learned
+from omnijax.diagnosis._answer import learned, term_fit
 from omnijax.diagnosis._answer.learned import Unexplained, ports_of
 from omnijax.diagnosis._answer.misshapen import _left, _own_functions
 from omnijax.diagnosis._answer.near_laws import near_laws
@@ -193,6 +194,52 @@ def test_a_term_that_is_planted_is_learned_with_its_band(around, port):
     assert np.all(np.isfinite(curve.y)) and np.all(curve.sigma >= 0)
 
 
+def with_shaft_torques(around, torque) -> Unexplained:
+    """What is left where shafts lack `torque` of the scaled inputs, (points, wheels) in N m."""
+    model, unexplained, ports = around
+    planted, port = {}, ports["shaft"]
+    term = TermFit(model, unexplained, port).term
+    for split, rest in unexplained.rest.items():
+        table = []
+        for base in unexplained.bases[split]:
+            rows = model.machine.rows[base.index]
+            force = torque(port.inputs(base) / term.scales)
+            table.append(rows.project(rows.vector(*port.push(base, force))))
+        planted[split] = rest + np.concatenate(table)
+    tangents = unexplained.tangents
+    shift = term_fit.alone(unexplained.u, planted["train"], tangents["train"])
+    before = planted["held-out"] + tangents["held-out"] @ shift
+    return dataclasses.replace(unexplained, rest=planted, before=before)
+
+
+def test_dead_zones_of_motors_are_learned_as_functions_of_the_command(around):
+    """Drawn widths, between the knees of the basis; without bends held-out runs refused it."""
+    model, _, ports = around
+    rng = drawn_anew("dead zones")
+    n = len(ports["shaft"].wheels)
+    width, size = rng.uniform(0.07, 0.5, n), 0.05
+    moved = with_shaft_torques(
+        around, lambda u: -size * np.clip(u[:, n : 2 * n], -width, width)
+    )  # fmt: skip
+    assert moved.before @ moved.before > 10 * model.dof("held-out")
+    fitting = TermFit(model, moved, ports["shaft"]).run()
+    assert fitting.closed > 0.95
+    assert all("command" in fitting.grid(i).input for i in fitting.strongest())
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_a_fit_of_a_term_never_ends_worse_than_none(around, port, monkeypatch):
+    """Functions that promise to pay, and in the end do not, are given up: nothing is learned."""
+    model, _, ports = around
+    monkeypatch.setattr(term_fit, "DAMPINGS", (1e30,))  # steps too short to be worth anything
+    moved = with_shaft_torques(
+        around, lambda u: 0.05 * np.ones((len(u), len(ports["shaft"].wheels)))
+    )
+    fitting = TermFit(model, moved, ports[port]).run()
+    assert not fitting.active.any() and not fitting.term.weights.any()
+    assert fitting.closed == pytest.approx(0.0, abs=1e-9)
+
+
 def test_no_term_is_credited_with_what_the_baseline_closes_alone(none):
     """A case of one wheel was told "closes 100 %" by seven coefficients of 0."""
     model, fit = none.details["model"], none.details["found"].fit
@@ -309,7 +356,7 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: [Fitting.port])
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
-    monkeypatch.setattr(learned, "_axes", lambda *_: None)
+    monkeypatch.setattr(learned, "axes_of", lambda *_: None)
     monkeypatch.setattr(learned, "_drawn_as", lambda *_: "w1")
     told = []
     term = learned.learn(None, None, [], told.append)  # pyright: ignore
@@ -350,7 +397,7 @@ def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
     monkeypatch.setattr(learned, "ports_of", lambda _: ports)
     monkeypatch.setattr(learned, "_nearest", lambda *_: [])
-    monkeypatch.setattr(learned, "_axes", lambda *_: None)
+    monkeypatch.setattr(learned, "axes_of", lambda *_: None)
     monkeypatch.setattr(learned, "_drawn_as", lambda *_: "w1")
     term = learned.learn(None, None, [], lambda _: None)  # pyright: ignore
     assert term is not None and term.port == "b" and term.closed == 0.8

@@ -782,6 +782,9 @@ class AnswerLearnedSettings:
     drawn: int = 4000  # rows that say on which inputs it hangs most: time
     others: int = 50  # of them over which a curve is a mean: time
     waves: int = 4  # harmonics of a wheel's angle in the basis
+    # RMS of a command, at which functions of it bend: octaves, as a sum of two neighbours bends
+    # nearly anywhere between, from a motor's dead zone to where it saturates
+    knees: tuple[float, ...] = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0)
     shapes: int = 8  # of them in a wheel's shape, beside those of its pitch
     laws: int = 12  # of the library's that act there, asked how near they come: time
     nearest: int = 2  # of them drawn

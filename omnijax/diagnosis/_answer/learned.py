@@ -25,7 +25,7 @@ from .learned_shapes import ShapePort, SurfacePort
 from .near_laws import NearLaw, near_laws
 from .term import Term
 from .term_fit import Curve, TermFit, Unexplained
-from .term_port import AbstractPort, TermGrid
+from .term_port import AbstractPort, TermGrid, axes_of
 
 KEPT = SETTINGS.answer_learned.kept
 SHOWN = SETTINGS.answer_learned.shown
@@ -115,7 +115,7 @@ def learn(
     tell("comparing it with the library's laws")
     return Learned(
         kept.term, kept.closed, best.closed, network, kept.after["held-out"], kept.sigma,
-        _axes(kept.port, grids[0].part), curves,
+        axes_of(kept.port, grids[0]), curves,
         _nearest(kept, scores, grids), _map(kept) if kept.port.networked else None,
     )  # fmt: skip
 
@@ -139,12 +139,6 @@ def ports_of(model: RigModel) -> list[AbstractPort]:
 def _drawn_as(port: AbstractPort, grid: TermGrid) -> str:
     """The name of a curve."""
     return port.parts[grid.part] + (f" over {grid.input}" if grid.input else "")
-
-
-def _axes(port: AbstractPort, part: int) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Names and units of a part's own input and of the term."""
-    own, unit = port.units(part)
-    return (port.labels()[port.own(part)].split(" of ")[0], own), ("term", unit)
 
 
 def _nearest(fitting: TermFit, scores: Sequence[Score], grids: Sequence[TermGrid]) -> list[NearLaw]:

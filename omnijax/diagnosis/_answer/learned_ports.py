@@ -26,6 +26,7 @@ from .term_port import (
     AbstractPort,
     AbstractWheelPort,
     Columns,
+    cuts,
     memoryless,
     powers,
     waves,
@@ -96,7 +97,11 @@ class SpringPort(AbstractWheelPort):
 
 @dataclasses.dataclass(frozen=True)
 class ShaftPort(AbstractWheelPort):
-    """Shafts: every wheel's speed, command, sine and cosine of its angle, and time in; torques."""
+    """Shafts: every wheel's speed, command, sine and cosine of its angle, and time in; torques.
+
+    A wheel's term may bend with its speed and with its command (a motor's dead zone, a gain that
+    saturates or fades).
+    """
 
     port: str = "shaft"
     laws: ClassVar[tuple[str, ...]] = ("shaft", "actuator", "command", "rolling", "kinematics")
@@ -120,15 +125,20 @@ class ShaftPort(AbstractWheelPort):
     def columns(self, u):
         n, one, out = len(self.wheels), np.ones(len(u)), []
         for i, name in enumerate(self.wheels):
-            w = u[:, i]
-            own = {f"ω of {name}": w, f"command of {name}": u[:, n + i]}
+            w, command = u[:, i], u[:, n + i]
+            own = {f"ω of {name}": w, f"command of {name}": command}
             own |= {"sign": np.tanh(SHARP * w), **powers(w, u[:, -1]), "constant": one}
+            bends = cuts(command) | powers(command, u[:, -1])
+            own |= {f"command, {label}": x for label, x in bends.items()}
             own |= waves(u[:, 3 * n + i], u[:, 2 * n + i], range(1, WAVES + 1))
             out += [(i, label, x) for label, x in own.items()]
         return out
 
     def own_functions(self, part):
         return (self.labels()[part], "sign", *BENDS)
+
+    def like_own(self, part):
+        return [*super().like_own(part), len(self.wheels) + part]
 
     def push(self, base, force):
         return turned_by(base, shaft=force)

@@ -12,7 +12,7 @@ from .._search import Fit, Point, refit
 from .._settings import SETTINGS
 from .._threads import each
 from .term import Term, with_network
-from .term_port import AbstractPort, TermGrid
+from .term_port import AbstractPort, TermGrid, axes_of
 
 ROUNDS = SETTINGS.answer_learned.rounds
 INNER = SETTINGS.answer_learned.inner
@@ -57,14 +57,18 @@ class Unexplained:
         point = _with_limited_held(model, fit.point)
         rest = {s: model.residuals([point], s)[0] for s in splits}
         tangents = {s: _tangents(model, point, s) for s in splits}
-        T = tangents["train"]
-        shift = -np.linalg.solve(T.T @ T + np.eye(T.shape[1]), T.T @ rest["train"] + point.u)
+        shift = alone(point.u, rest["train"], tangents["train"])
         before = (
             model.residuals([fit.point], "held-out")[0],
             rest["held-out"] + tangents["held-out"] @ shift,  # no term is credited with that
         )
         bases = {s: model.bases(point, s) for s in splits}
         return Unexplained(point.u, bases, rest, tangents, min(before, key=lambda x: x @ x))
+
+
+def alone(u: np.ndarray, rest: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """What a baseline at `u` with tangents `T` (rows, priors) shifts to beside no term."""
+    return -np.linalg.solve(T.T @ T + np.eye(T.shape[1]), T.T @ rest + u)
 
 
 class TermFit:
@@ -80,7 +84,11 @@ class TermFit:
         self.spread = np.zeros((0, 0))  # covariance of all weights, before what is left counts
 
     def run(self, start: "TermFit | None" = None) -> "TermFit":
-        """Fit; from a `start` with a network beside its basis."""
+        """Fit; from a `start` with a network beside its basis.
+
+        A basis that does not pay for its functions in the end, of which each had promised to, is no
+        term: it never ends worse than none.
+        """
         before = float(self.around.before @ self.around.before)
         if start is not None:
             self.term, self.shift = with_network(start.term, start.inputs), start.shift
@@ -90,14 +98,34 @@ class TermFit:
             gain, here = self.improve(*here)
             if gain < ENOUGH:
                 break
+        if start is None:
+            here = self._or_none(*here)
         self.after = {"train": here[0], "held-out": self.left(self.term, "held-out")[0]}
         held = float(self.after["held-out"] @ self.after["held-out"])
         self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
         self.inputs_by_run = here[1]
-        chi2, u = float(here[0] @ here[0]), self.around.u + self.shift
-        self.cost = chi2 + float(u @ u) + float(np.log(len(here[0]))) * int(self.active.sum())
-        self.spread *= max(1.0, chi2 / self.model.dof("train"))
+        self.cost = self._cost(here[0])
+        self.spread *= max(1.0, float(here[0] @ here[0]) / self.model.dof("train"))
         return self
+
+    def _cost(self, rows: np.ndarray) -> float:
+        """Of train rows beside the term and the shift, with the price of its functions."""
+        u = self.around.u + self.shift
+        return float(rows @ rows + u @ u) + float(np.log(len(rows))) * int(self.active.sum())
+
+    def _or_none(
+        self, rows: np.ndarray, inputs: list[np.ndarray]
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Train rows and inputs beside the term; without it where it costs more than none."""
+        cost, here = self._cost(rows), (self.term, self.shift, self.active, self.spread)
+        self.shift = alone(self.around.u, self.around.rest["train"], self.around.tangents["train"])
+        self.term = self.term.moved(-self.term.weights)
+        self.active, self.spread = np.zeros_like(self.active), np.zeros_like(self.spread)
+        left, still = self.left(self.term, "train")
+        if cost >= self._cost(left):
+            return left, still
+        self.term, self.shift, self.active, self.spread = here
+        return rows, inputs
 
     @property
     def inputs(self) -> np.ndarray:
@@ -156,12 +184,15 @@ class TermFit:
         return np.concatenate(out)
 
     def strongest(self) -> list[int]:
-        """The parts that change the rows most, of one unit, the strongest first."""
+        """The parts that change the rows most, drawn over one unit, the strongest first."""
         sizes = [np.linalg.norm(self.change([i])) for i in range(len(self.port.parts))]
         order = [int(i) for i in np.argsort(sizes)[::-1] if sizes[i] >= MATTERS * max(sizes)]
-        return [i for i in order if self.port.units(i) == self.port.units(order[0])]
+        units = [[unit for _, unit in axes_of(self.port, self.grid(i))] for i in order]
+        return [i for i, own in zip(order, units, strict=True) if own == units[0]]
 
-    def left(self, term: Term, split: str, shift=None):
+    def left(
+        self, term: Term, split: str, shift: np.ndarray | None = None
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
 
         def one(base: Linearisation):
@@ -180,7 +211,9 @@ class TermFit:
         rest, tangents = self.around.rest[split], self.around.tangents[split]
         return rest - np.concatenate(parts) + tangents @ shift, list(inputs)
 
-    def improve(self, now: np.ndarray, inputs: list[np.ndarray]):
+    def improve(
+        self, now: np.ndarray, inputs: list[np.ndarray]
+    ) -> tuple[float, tuple[np.ndarray, list[np.ndarray]]]:
         """One damped step from train rows `now` and the term's `inputs` there.
 
         The share of the misfit that it takes away, and rows and inputs after it.

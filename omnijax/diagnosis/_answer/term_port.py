@@ -19,6 +19,7 @@ from .._settings import SETTINGS
 
 SHOWN = SETTINGS.answer_learned.shown
 POINTS = SETTINGS.answer_learned.points
+KNEES = SETTINGS.answer_learned.knees
 Columns = list[tuple[int, str, np.ndarray]]  # (part, label, values)
 AXES = "xyz"
 BENDS = ("|x| x", "cube", "fifth", "square")  # of `powers`
@@ -105,7 +106,7 @@ class AbstractPort(abc.ABC):
         return None
 
     def like_own(self, part: int) -> list[int]:
-        """Inputs of the unit of a part's own, over which it may be drawn too."""
+        """Inputs over which a part may be drawn: those of the unit of its own."""
         units = self.input_units()
         return [k for k, unit in enumerate(units) if unit == units[self.own(part)]]
 
@@ -152,6 +153,27 @@ def waves(cosine: np.ndarray, sine: np.ndarray, orders: Sequence[int]) -> dict[s
         turned = wave**k
         out |= {f"sin {k}θ": turned.imag, f"cos {k}θ": turned.real}
     return out
+
+
+def cuts(x: np.ndarray) -> dict[str, np.ndarray]:
+    """Piecewise-linear functions of one own input, scaled: it as far as each knee, odd and even.
+
+    They bend and no longer grow at plus and minus the knee: a dead zone is the lack of one, and
+    sums of them are any curve with its bends near the knees.  The odd ones first.  Source: linear
+    splines with fixed knots (Friedman, Multivariate adaptive regression splines, 1991).
+    """
+    odd = {f"up to {k:g}": np.clip(x, -k, k) for k in KNEES}
+    return odd | {f"size up to {k:g}": np.minimum(np.abs(x), k) for k in KNEES}
+
+
+def axes_of(port: AbstractPort, grid: TermGrid) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Names and units of the input over which a part is drawn, and of the term."""
+    own, unit = port.units(grid.part)
+    labels, at = port.labels(), port.own(grid.part)
+    if grid.input:
+        at = labels.index(grid.input)
+        own = port.input_units()[at]
+    return (labels[at].split(" of ")[0], own), ("term", unit)
 
 
 def memoryless(law: AbstractLaw, signal: Any) -> np.ndarray | None:
