@@ -135,16 +135,16 @@ def steady_state(
     Closed forms throughout: periodic solutions piece by piece, their second moments by doubling,
     suprema refined by Newton's method from places graded towards each edge and 2^`grid_bits` even
     ones a piece, unless stated four an oscillation of the rig, but 512 to 8192.  `angles` (rad,
-    or text) matter only for wheels at rest: those of wheels that turn count as unknown, in step or
-    not, so that an RMS is the mean over them and a peak the largest of all.  With `sharpness` p > 0 the peak of |dR| is the smooth
-    one, the p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A
-    constant `force` on the platform (N) accelerates the machine as a whole and adds a constant
-    deflection; accelerations are those of the inertial frame, so the common one is part of them.
-    Where the wheels do not hold the sphere in every direction, or figures are not finite, `status`
-    says so and all figures are NaN, inside transformations too.  Warns of speeds that do not fit
-    each other, and of an axis that the wheels hardly drive.  Raises `InputError` for numbers that
-    do not fit or are not finite, `ValueError` for a rig with laws that are not linear in the
-    elastic state.
+    or text) matter only for wheels at rest: those of wheels that turn count as unknown, in step
+    or not, so that an RMS is the mean over them and a peak the largest of all. With `sharpness`
+    p > 0 the peak of |dR| is the smooth one, the p-norm over the phases, which lies below the
+    supremum and has a gradient everywhere. A constant `force` on the platform (N) accelerates
+    the machine as a whole and adds a constant deflection; accelerations are those of the
+    inertial frame, so the common one is part of them. Where the wheels do not hold the sphere
+    in every direction, or figures are not finite, `status` says so and all figures are NaN,
+    inside transformations too. Warns of speeds that do not fit each other, and of an axis that
+    the wheels hardly drive. Raises `InputError` for numbers that do not fit or are not finite,
+    `ValueError` for a rig with laws that are not linear in the elastic state.
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
