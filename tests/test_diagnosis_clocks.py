@@ -11,11 +11,19 @@ from test_plant import GROUPS, recorded, runs_of
 
 from benchmarks.hidden_effects import cases, sensors
 from omnijax.diagnosis import Point, RigModel, diagnose
-from omnijax.diagnosis._machine.clocks import LoggerClock, clock_priors, read_late, with_clocks
+from omnijax.diagnosis._machine.clocks import (
+    LoggerClock,
+    clock_priors,
+    late_by,
+    offset_of,
+    read_late,
+    with_clocks,
+)
 from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_of
 from omnijax.diagnosis._machine.late import late_outputs
 from omnijax.diagnosis._machine.machine import Predicted
 from omnijax.diagnosis._search import Effect, tangent_rows, to_project
+from omnijax.diagnosis._search.fit import refits_about
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS, SensorSignal
 from omnijax.rig import load_rig, rig_text
@@ -147,6 +155,109 @@ def test_rigs_that_are_only_read_otherwise_share_a_prediction(model):
     assert first is second
     stiffer = model.rig_at(Point(np.eye(len(model.priors))[3]))
     assert model.machine.predicted([stiffer], 0)[0] is not first
+
+
+@pytest.fixture(scope="module")
+def started_anew(model):
+    """(model of two fitted runs and one that is not, by run and group how late it was read)."""
+    rng, rig, noise = drawn_anew("loggers started anew"), model.rig, model.noise
+    first, second = model.machine.runs
+    runs = [
+        dataclasses.replace(run, name=f"run-{k}", role=role)
+        for k, (run, role) in enumerate(((first, "train"), (second, "train"), (first, "held-out")))
+    ]
+    machine = RigModel(rig, runs, noise, dict(EFFECTS)).machine
+    late, read = [], []
+    for i, run in enumerate(runs):
+        d = {g: rng.uniform(-7e-4, 7e-4) for g in ("dR", "Omega", "a")}
+        (known,) = machine.predicted([rig], i)
+        out = dict(run.outputs)
+        for g in ("dR", "a"):
+            out[g] = out[g] + known.read(g, d[g]) - known.read(g, 0.0)
+        out["Omega"] = late_by(out["Omega"].T, d["Omega"] / run.step).T
+        out = {g: x + noise[g] * rng.normal(size=x.shape) for g, x in out.items()}
+        late.append(d)
+        read.append(dataclasses.replace(run, outputs=out))
+    return RigModel(rig, read, noise, dict(EFFECTS)), late
+
+
+def test_a_logger_may_be_started_anew_for_every_run(started_anew):
+    """One offset for all runs left a gap in a healthy machine, and ends of ranges."""
+    model, late = started_anew
+    names = [p.name for p in model.priors if p.limited]
+    assert names == [f"clock.{g}{x}" for g in ("dR", "Omega", "a") for x in ("", ".run-0")]
+    (fit,) = refits_about(model, Point(np.zeros(len(model.priors))), 1)
+    model.rebase(fit.point)
+    assert fit.chi2 < 1.2 * model.dof("train")
+    sigma = SETTINGS.prediction.clock * np.sqrt(np.diag(fit.covariance))
+    for g in ("dR", "Omega", "a"):
+        k = names.index(f"clock.{g}")
+        mean, beside = (model.priors[j].at(fit.point.u[j]) for j in (k, k + 1))
+        for value, run in ((mean + beside, 0), (mean - beside, 1)):
+            assert abs(value - late[run][g]) < 5 * np.hypot(*sigma[k : k + 2]) + 2e-6, (g, run)
+        assert abs(model.machine.clocks[2][g] - late[2][g]) < 1e-5 + 5 * sigma[k], g
+    (left,) = model.residuals([fit.point], "held-out")
+    assert left @ left < 1.2 * model.dof("held-out")
+
+
+def test_what_a_held_out_clock_changes_is_taken_off_its_rows(started_anew):
+    model, _ = started_anew
+    point = Point(np.zeros(len(model.priors)))
+    model.rebase(point)
+    rows, rig = model.machine.rows[2], model.rig_at(point)
+    assert rows.late is not None and len(rows.late) == 3
+    before = model.machine.residuals([rig], [2])[0]
+    known = dict(model.machine.clocks[2])
+    model.machine.clocks[2] = {g: d + 1e-6 for g, d in known.items()}
+    moved = model.machine.residuals([rig], [2])[0] - before
+    rows.late, kept = None, rows.late
+    there = model.machine.residuals([rig], [2])[0]
+    model.machine.clocks[2] = known
+    there = there - model.machine.residuals([rig], [2])[0]
+    rows.late = kept
+    assert np.linalg.norm(moved) < 1e-2 * np.linalg.norm(there)
+
+
+def test_a_clock_of_a_held_out_run_is_not_taken_off_at_its_bound(started_anew):
+    """What is later is a sensor's delay, which held-out runs have to show."""
+    model, _ = started_anew
+    run = model.machine.runs[2]
+    outputs = {**run.outputs, "dR": late_by(run.outputs["dR"].T, 3.0).T}
+    runs = [*model.machine.runs[:2], dataclasses.replace(run, outputs=outputs)]
+    later = RigModel(model.rig, runs, model.noise, dict(EFFECTS))
+    later.rebase(Point(np.zeros(len(later.priors))))
+    assert set(later.machine.clocks[2]) == {"Omega", "a"}
+    free = later.machine.rows[2].late
+    assert free is not None and len(free) == 2
+    delayed = Point(np.zeros(len(later.priors)), (Effect("sensor-delay", "dR", {"delay": 5e-3}),))
+    later.rebase(delayed)
+    assert set(later.machine.clocks[2]) == {"Omega", "a"}
+    assert [x.law.id for x in later.machine.at_run(later.rig_at(delayed), 2).at("sensor")] == [
+        "logger-clock", "logger-clock", "sensor-delay",
+    ]  # fmt: skip
+
+
+def test_a_run_that_did_not_measure_a_group_has_no_clock_of_it(started_anew):
+    model, _ = started_anew
+    first, *others = model.machine.runs
+    silent = {g: x for g, x in first.outputs.items() if g != "a"}
+    runs = [dataclasses.replace(first, outputs=silent), *others]
+    some = RigModel(model.rig, runs, model.noise, dict(EFFECTS))
+    names = [p.name for p in some.priors if p.limited]
+    assert names == ["clock.dR", "clock.dR.run-0", "clock.Omega", "clock.Omega.run-0", "clock.a"]
+    u = np.zeros(len(some.priors))
+    u[4] = 1.0
+    read = some.machine.at_run(some.rig_at(Point(u)), 1)
+    late = {g: offset_of(read, g) for g in ("dR", "Omega", "a")}
+    assert late == {"dR": 0.0, "Omega": 0.0, "a": SETTINGS.prediction.clock}
+
+
+def test_parts_of_one_run_have_one_clock(model):
+    """Of the only run, or of fitted ones beside those that are not."""
+    parted, _ = model.parted()
+    names = [p.name for p in parted.priors if p.limited]
+    assert names == ["clock.dR", "clock.Omega", "clock.a"]
+    assert [parted.machine.runs[i].name for i in parted.unfitted] == ["run-1"]
 
 
 def diagnosed(folder, late: dict[str, float]):

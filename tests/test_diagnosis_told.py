@@ -20,6 +20,7 @@ from omnijax.report._diagnosis_numbers import notes as noise_section
 from omnijax.report._diagnosis_numbers import parameters
 
 STIFFNESS = "wheel.w1.mount.stiffness"
+RUNS = [SimpleNamespace(name=f"run-{k}", outputs={"theta": np.zeros((1, 0))}) for k in (1, 3)]
 
 
 def priors(rng) -> list[Prior]:
@@ -46,15 +47,16 @@ def outcome(priors, first, last) -> Any:
     )
 
 
-def told(evidence_priors, first, last, verdict, open_=()) -> list[str]:
+def told(evidence_priors, first, last, verdict, fitted=None, clocks=None) -> list[str]:
     """The notes of a rig's answer."""
     model = SimpleNamespace(
         priors=evidence_priors, dof=lambda split: 1000, spent=False,
-        settings=SimpleNamespace(noise=0.0), machine=SimpleNamespace(window=1.0, runs=[]),
-        rig=SimpleNamespace(names=()),
+        settings=SimpleNamespace(noise=0.0), fitted=fitted,
+        machine=SimpleNamespace(window=1.0, runs=RUNS, clocks=clocks or {}),
+        rig=SimpleNamespace(names=(), size=0),
     )  # fmt: skip
     evidence = RigEvidence(model, {}, [])  # pyright: ignore[reportArgumentType]
-    judged = Verdict(verdict, 0.0, {}, "so", open=tuple(open_))
+    judged = Verdict(verdict, 0.0, {}, "so")
     return notes(evidence, outcome(evidence_priors, first, last), judged, [])
 
 
@@ -124,6 +126,30 @@ def test_a_clock_beside_a_gap_is_no_fact(verdict):
     (said,) = [x for x in told(known, at, at, verdict) if x.startswith("Omega ")]
     assert ("±" in said) == ("was read" in said) == (verdict != "unknown")
     assert ("or a part of the gap" in said) == (verdict == "unknown")
+
+
+@pytest.mark.parametrize("anew", [True, False])
+def test_clocks_are_told_by_run_where_these_differ(anew):
+    rng = drawn_anew("by run")
+    runs = {"a": ["run-1", "run-2"]}
+    known = clock_priors(["a"], set(), runs)
+    mean, beside = rng.uniform(2e-4, 3e-4), anew * rng.uniform(5e-4, 6e-4)
+    at = fit(np.array([mean, beside]) / known[0].sigma, sigma=0.001)
+    (said,) = [x for x in told(known, at, at, "none", fitted=runs)
+               if x.startswith("a was read")]  # fmt: skip
+    if anew:
+        first, second = f"{1e3 * (mean + beside):.3g} ±", f"{1e3 * (beside - mean):.3g} ±"
+        assert first in said and second in said
+        assert "ms late in run-1" in said and "ms early in run-2" in said
+    else:
+        assert f"{1e3 * mean:.3g} ± 0.0005 ms late against" in said and "run-" not in said
+
+
+def test_the_clocks_of_held_out_runs_are_told():
+    known = clock_priors(["a"], set())
+    at, late = fit([0.0]), drawn_anew("held out").uniform(1e-4, 9e-4)
+    (said,) = [x for x in told(known, at, at, "none", clocks={1: {"a": -late}}) if "held-out" in x]
+    assert said.endswith(f"run-3 (a {1e3 * late:.3g} ms early).")
 
 
 def test_an_unknown_answer_says_whose_gap_it_is():

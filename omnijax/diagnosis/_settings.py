@@ -407,6 +407,11 @@ class PredictionSettings:
 class ClocksSettings:
     degree: int = 5  # of the splines between samples
     beyond: int = 16  # further samples to which a run is continued at its ends
+    # of a run that is not fitted: Gauss-Newton steps, a difference's step and what is near
+    # enough, both far below the microsecond to which runs tell an offset
+    turns: int = 5
+    step: float = 1e-7  # s
+    near: float = 1e-8  # s
 
 
 @dataclasses.dataclass(frozen=True)

@@ -90,6 +90,12 @@ def parameters(diagnosis) -> list[Section]:
         "Calibrated: together with what was named. Had absorbed: by how much it was off while the "
         "effect was missing."
     )
+    if any(b["parameter"].split(".")[0] == "clock" and b["parameter"].count(".") > 1
+           for b in diagnosis.baseline):  # fmt: skip
+        text += (
+            " A clock's offset is the mean of the fitted runs; with a run's name, how far that run "
+            "is beside it (the last one by what makes their sum 0)."
+        )
     if any(b["at_bound"] for b in diagnosis.baseline):
         text += " (end): at an end of its range, so that it is not known."
     table = Table(columns, rows, "baseline", "Uncertain parameters.")

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ..._text import listed
 from ...dynamics import contact_signals
 from ...laws import ContactHertz
 from ...rig import rig_text
-from .._machine import CLOCK, RigModel, locate, without_encoder
+from .._machine import CLOCK, READ_LATE, RigModel, beside_mean, locate, without_encoder
 from .._settings import SETTINGS
 from .channels import channel_index, channel_names
 from .evidence import AbstractEvidence, Unlisted
@@ -170,25 +171,53 @@ class RigEvidence(AbstractEvidence):
     def clocks(self, fit, open_=False):
         """An offset beside a gap that is left may stand for what is missing: it is no fact."""
         model, said = self.model, []
-        spread = np.sqrt(np.diag(fit.scaled_covariance(model.dof("train"))))
-        for k, prior in enumerate(model.priors):
-            late, sigma = prior.at(fit.point.u[k]), prior.sigma * spread[k]
-            head, _, group = prior.name.partition(".")
-            if head != CLOCK or abs(late) < CLEARLY * sigma:
+        covariance = fit.scaled_covariance(model.dof("train"))
+        for group in READ_LATE:
+            own = [k for k, p in enumerate(model.priors) if p.name.split(".")[:2] == [CLOCK, group]]
+            if not own:
                 continue
-            way = "late" if late > 0 else "early"
-            end = prior.at_bound(fit.point.u[k])
-            size = f"{1e3 * abs(late):.3g}{'' if end or open_ else f' ± {1e3 * sigma:.1g}'} ms"
-            by = f"{size} {way} against angles and torques"
-            most = ", as far as clocks may be off" if end else ""
+            sigma = np.array([model.priors[k].sigma for k in own])
+            numbers = np.array([model.priors[k].at(fit.point.u[k]) for k in own])
+            spread = covariance[np.ix_(own, own)] * np.outer(sigma, sigma)
+            clear = np.abs(numbers) >= CLEARLY * np.sqrt(np.diag(spread))
+            if not clear.any():
+                continue
+            ends = any(model.priors[k].at_bound(fit.point.u[k]) for k in own)
+            runs = [""]
+            if clear[1:].any():  # the loggers were started anew
+                runs = [f" in {name}" for name in model.fitted[group]]
+                table = beside_mean(len(own))
+                numbers, spread = table @ numbers, table @ spread @ table.T
+            by = listed([
+                _lateness(late, None if ends or open_ else d) + run
+                for late, d, run in zip(numbers, np.sqrt(np.diag(spread)), runs, strict=False)
+            ])  # fmt: skip
+            most = ", as far as clocks may be off" if ends else ""
             if open_:
                 said.append(
-                    f"{group} agrees best where it is taken as read {by}{most}: its logger's "
-                    "clock, or a part of the gap."
+                    f"{group} agrees best where it is taken as read {by} against angles and "
+                    f"torques{most}: its logger's clock, or a part of the gap."
                 )
             else:
-                said.append(f"{group} was read {by}{most}: its logger's clock, calibrated.")
-        return said
+                said.append(
+                    f"{group} was read {by} against angles and torques{most}: its logger's clock, "
+                    "calibrated."
+                )
+        return [*said, *self._own_clocks()]
+
+    def _own_clocks(self) -> list[str]:
+        """The offsets of clocks that were fitted to the runs that are not."""
+        machine = self.model.machine
+        own = [
+            f"{machine.runs[i].name} ({', '.join(f'{g} {_lateness(d)}' for g, d in late.items())})"
+            for i, late in sorted(machine.clocks.items()) if late
+        ]  # fmt: skip
+        if not own:
+            return []
+        return [
+            "A logger may be started anew for every run, so the offsets of its clock in held-out "
+            f"runs are fitted to these, as the state at a start is: {listed(own)}."
+        ]
 
     def series(self, residual):
         rows = self.rows[0]
@@ -213,3 +242,9 @@ class RigEvidence(AbstractEvidence):
     def unit(self, unit, place, key=""):
         """A parameter's unit; a sensor's is that of its channel."""
         return unit.replace("unit of the channel", UNITS.get(place.split("_", maxsplit=1)[0], "1"))
+
+
+def _lateness(late: float, sigma: float | None = None) -> str:
+    """An offset, s, with its 1-sigma in words: "0.2 ± 0.003 ms late"."""
+    beside = "" if sigma is None else f" ± {1e3 * sigma:.1g}"
+    return f"{round(1e3 * abs(late), 5):.3g}{beside} ms {'late' if late > 0 else 'early'}"

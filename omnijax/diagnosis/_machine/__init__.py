@@ -2,6 +2,8 @@
 
 from .candidates import candidates as candidates
 from .clocks import CLOCK as CLOCK
+from .clocks import READ_LATE as READ_LATE
+from .clocks import beside_mean as beside_mean
 from .compared import check_compared as check_compared
 from .compared import said_of_compared as said_of_compared
 from .elastic import SIGNALS as SIGNALS

@@ -3,9 +3,16 @@
 Loggers that are started together are off by parts of a millisecond.  Every group but theta has an
 offset d of its own, y(t) = y(t - d), among the calibrated unknowns, with bounds: what is later than
 they allow is a sensor's delay.  It reads what a run foretells, and so costs no run.
+
+A logger may be started anew for every run.  Of several fitted runs there is the mean offset, and by
+how far each is beside it, the last by what makes their sum 0.  Nothing that was fitted tells the
+offsets of another run: those of held-out runs are fitted to these, as the state at a start is.
 """
 
+import dataclasses
 import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import ClassVar, TypeGuard
 
 import numpy as np
@@ -26,9 +33,12 @@ BEYOND = SETTINGS.clocks.beyond
 
 
 class LoggerClock(AbstractSensor):
-    """y(t) = y(t - d), d of either sign: a nuisance and no effect, so that no rig file knows it."""
+    """y(t) = y(t - d), d of either sign: a nuisance and no effect, so that no rig file knows it.
 
-    delay: Float[Array, ""]
+    One d for all runs, or one by run (`at_run`).
+    """
+
+    delay: Float[Array, "*runs"]
 
     id: ClassVar[str] = "logger-clock"
 
@@ -41,23 +51,58 @@ def only_delays(law: AbstractLaw) -> TypeGuard[LoggerClock | SensorDelay]:
     return type(law) in LATE_LAWS
 
 
-def clock_priors(groups, stated: set[str]) -> list[Prior]:
-    """The offset of every group at hand whose delay the rig file does not speak of."""
+def clock_priors(
+    groups, stated: set[str], runs: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> list[Prior]:
+    """The offset of every group at hand whose delay the rig file does not speak of.
+
+    Where several fitted `runs` measured the group that is their mean; behind it stands by how far
+    each is beside it, but the last one.
+    """
     sigma = SETTINGS.prediction.clock
     most = SETTINGS.prediction.clock_most / sigma
+    open_ = [g for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated]
+    names = [
+        f"{CLOCK}.{g}{run}" for g in open_ for run in ("", *(f".{x}" for x in runs.get(g, [])[:-1]))
+    ]
     return [
-        Prior(f"{CLOCK}.{g}", 0.0, sigma, relative=False, hard=most, unit="s", limited=True)
-        for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated
+        Prior(name, 0.0, sigma, relative=False, hard=most, unit="s", limited=True)
+        for name in names
     ]  # fmt: skip
 
 
-def with_clocks(rig: Rig, offsets: dict[str, float]) -> Rig:
-    """The rig whose output groups are read `offsets` s late."""
+def beside_mean(count: int) -> np.ndarray:
+    """Offsets (runs, numbers) of a group by its numbers: the mean, and what is beside it."""
+    table = np.concatenate([np.ones((count, 1)), np.eye(count)[:, :-1]], axis=1)
+    table[-1, 1:] = -1.0
+    return table
+
+
+def with_clocks(rig: Rig, offsets: Mapping[str, float | np.ndarray], always: bool = False) -> Rig:
+    """The rig whose output groups are read `offsets` s late, of all runs or by run.
+
+    `always`: also those that are read at once.
+    """
     laws = [
         place_law(LoggerClock(number(d)), group, rig.names, rig.profiles)
-        for group, d in offsets.items() if d != 0
+        for group, d in offsets.items() if always or np.any(d)
     ]  # fmt: skip
     return rig.with_effects((*laws, *rig.effects))
+
+
+def at_run(rig: Rig, i: int, own: Mapping[str, float]) -> Rig:
+    """The rig as run `i` is read: by its own offset of every clock; `own` are those by group of a
+    run that was not fitted."""
+    if not any(isinstance(p.law, LoggerClock) for p in rig.effects):
+        return rig
+    effects = []
+    for p in rig.effects:
+        if isinstance(p.law, LoggerClock):
+            delay = np.asarray(p.law.delay)
+            late = own.get(p.place, delay[i] if delay.ndim else delay)
+            p = dataclasses.replace(p, law=LoggerClock(number(late)))  # noqa: PLW2901
+        effects.append(p)
+    return rig.with_effects(effects)
 
 
 def offset_of(rig: Rig, group: str) -> float:

@@ -23,7 +23,8 @@ class DataRows:
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
     columns): Omega and s at the start of every window, and the elastic state of a rolling start.
     `filters` (6, samples: waves) whitens the elastic channels in time, where their noise has a
-    colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).
+    colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).  `late`
+    holds orthonormal rows (k, rows) along the offsets of clocks that were fitted to this run.
     """
 
     samples: int
@@ -32,6 +33,7 @@ class DataRows:
     nuisance: list[tuple[slice, np.ndarray]]
     coloured: tuple[np.ndarray, np.ndarray] | None = None
     filters: np.ndarray | None = None
+    late: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -63,6 +65,8 @@ class DataRows:
         self.whiten(x)
         for part, q in self.nuisance:
             x[:, part] -= (x[:, part] @ q) @ q.T
+        if self.late is not None:
+            x -= (x @ self.late.T) @ self.late
 
     def whiten(self, x: np.ndarray) -> None:
         """Whiten the elastic channels of row vectors (k, rows) in place.
@@ -109,7 +113,8 @@ class DataRows:
     def used(self) -> int:
         """Rows with weight, less the nuisance directions."""
         count = int(np.sum(self.elastic > 0) + np.sum(self.rotation > 0))
-        return count - sum(q.shape[1] for _, q in self.nuisance)
+        free = sum(q.shape[1] for _, q in self.nuisance)
+        return count - free - (0 if self.late is None else len(self.late))
 
 
 def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> DataRows:

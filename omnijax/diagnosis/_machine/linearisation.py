@@ -115,7 +115,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linear
     moments = rotation_moments(rig, slow, torque[::THIN], normal[::THIN])
     moments, caused = run_torques(rig, run, moments)
     return Linearisation(
-        rig=rig,
+        rig=machine.at_run(rig, i),
         run=run,
         index=i,
         modes=machine.modes(rig),

@@ -14,7 +14,7 @@ from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .._threads import each
 from .behind import folds
-from .clocks import offset_of, only_delays
+from .clocks import at_run, offset_of, only_delays
 from .data_vector import DataRows
 from .dual_rows import shares_behind, two_rows
 from .elastic import (
@@ -137,6 +137,9 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
+        # s by run and group: offsets of the clocks of runs that are not fitted; no motion hangs on
+        # them, and nothing that is kept
+        self.clocks: dict[int, dict[str, float]] = {}
         self._read_off_runs()
         self._kept = StageCache()
         self.window = window
@@ -201,9 +204,9 @@ class Machine:
                 left = length - about
                 return about + smooth(left, sigma, likeliest(left, sigma))[0]
 
-            rolls = run.rolling_start(self.noise)
+            rolls, read = run.rolling_start(self.noise), self.at_run(rig, i)
             return likeliest(
-                measured_lengths(rig, tables, run, rolls, about, smoother) - about, sigma
+                measured_lengths(read, tables, run, rolls, about, smoother) - about, sigma
             )
 
         ratios = each(ratio, range(len(self.runs)))
@@ -235,6 +238,14 @@ class Machine:
     def _read_off_runs(self) -> None:
         self._angles = angles_of(self.rig, self.runs)
         self._groups_of_motion = groups_of_motion(self.rig, self.runs)
+
+    def at_run(self, rig: Rig, i: int) -> Rig:
+        """The rig as run `i` is read, by its own offsets of the loggers' clocks."""
+        return at_run(rig, i, self.clocks.get(i, {}))
+
+    def tells_motion(self, group: str) -> bool:
+        """Whether the motion is told by an output group."""
+        return group in self._groups_of_motion
 
     def forget(self) -> None:
         """Work every stage out anew at the next question, about the same basis."""
@@ -271,7 +282,7 @@ class Machine:
         )
 
     def _motion(self, rig: Rig, i: int) -> RunMotion:
-        tables, run = self.tables_of(rig), self.runs[i]
+        tables, run, rig = self.tables_of(rig), self.runs[i], self.at_run(rig, i)
         rolls, about = run.rolling_start(self.noise), self.basis.references[i]
         sigma = float(np.mean(self.length_noise * run.level("theta")))
 
@@ -500,12 +511,14 @@ class Machine:
         As `mode_changes` names them.  None where they enter otherwise too: by laws that feel the
         contacts, and by sensors of dR or a that do more than to read late.
         """
-        late = {group: offset_of(rig, group) for group in ELASTIC}
+        late = {
+            i: {group: offset_of(self.at_run(rig, i), group) for group in ELASTIC} for i in which
+        }
         laws = [p.law for p in rig.at("sensor") if p.group in ELASTIC]
         plain = all(only_delays(law) for law in laws)
         if stepped_ports(rig) or rig.at("rolling") or not plain:
             return None
-        if min(late.values()) <= -min(self.runs[i].step for i in which):
+        if any(min(late[i].values()) <= -self.runs[i].step for i in which):
             return None
         m = self.modes(rig)
         changes = mode_changes(m, rig, numbers)
@@ -514,7 +527,7 @@ class Machine:
             run, r = self.runs[i], self.rotated(rig, [i])[i]
             ports = self.ports(rig, i, r)
             along = ElasticTangents(m, changes, run, ports, self.basis.rolling.get(i))
-            dR, a = (along.changes(late[group]) for group in ELASTIC)
+            dR, a = (along.changes(late[i][group]) for group in ELASTIC)
             tables = np.concatenate([dR[..., :3], a[..., 3:]], axis=2)
             out = np.stack([self.rows[i].vector(-x, None) for x in tables])
             self.rows[i].take_off(out)
@@ -527,7 +540,7 @@ class Machine:
         return self._left(rig, i, self.predicted([rig], i)[0])
 
     def _left(self, rig: Rig, i: int, predicted: Predicted):
-        run = self.runs[i]
+        run, rig = self.runs[i], self.at_run(rig, i)
         missing = np.full((run.samples, 3), np.nan)
         elastic = []
         for group in ("dR", "a"):

@@ -70,6 +70,7 @@ def _start_columns(machine, rig: Rig, i: int, rows: DataRows) -> np.ndarray:
     """
     m, run = machine.modes(rig), machine.runs[i]
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
+    rig = machine.at_run(rig, i)
     read = _as_read(machine, rig, i)
     groups = [offset_of(rig, group) for group in ("dR", "a")]
     columns = []

@@ -26,12 +26,13 @@ from .._search import (
 from .._settings import SETTINGS
 from .._threads import each
 from .candidates import candidates
-from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
+from .clocks import READ_LATE, beside_mean, clock_priors, with_clocks
 from .data_vector import ELASTIC_CHANNELS, DataRows
 from .elastic_tangents import elastic_number
 from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
+from .own_clocks import fit_clocks
 from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .start_angles import with_start_angles
@@ -68,10 +69,15 @@ class RigModel(AbstractModel):
         self.groups = tuple(
             g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs)
         )
-        stated = rig_priors(rig)
-        clocks = clock_priors(self.groups, {p.name for p in stated})
-        self.priors, self._clocks = [*clocks, *stated], len(clocks)
         self.splits = split_runs(runs)
+        train = [runs[i] for i in self.splits["train"]]
+        # names by group of the fitted runs that measured it
+        self.fitted = {
+            g: [*dict.fromkeys(r.name for r in train if g in r.outputs)] for g in self.groups
+        }
+        stated = rig_priors(rig)
+        clocks = clock_priors(self.groups, {p.name for p in stated}, self.fitted)
+        self.priors, self._clocks = [*clocks, *stated], len(clocks)
         self.splits["first train"] = self.splits["train"][:1]
         self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
         longest = max((run.samples for run in runs), default=0)
@@ -84,18 +90,35 @@ class RigModel(AbstractModel):
         """
         known = {p.name: p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)}
         late = {e.place for e in point.effects if e.id == "sensor-delay"}
-        offsets = {
-            group: known.pop(f"{CLOCK}.{group}") for group in READ_LATE
-            if f"{CLOCK}.{group}" in known
-        }  # fmt: skip
+        clocked = self._offsets({p.name: known.pop(p.name) for p in self.priors[: self._clocks]})
         paths, values = tuple(known), [*known.values()]
         rig = with_sensors(with_parameters(self.rig, paths, np.array(values)), paths, values)
         if clocks:
-            rig = with_clocks(rig, {g: d for g, d in offsets.items() if g not in late})
+            offsets = {g: self._by_each_run(g, d) for g, d in clocked.items() if g not in late}
+            rig = with_clocks(rig, offsets, always=bool(self.unfitted))
         for effect in point.effects:
             law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
             rig = rig.add(law, effect.place)
         return rig
+
+    @functools.cached_property
+    def unfitted(self) -> list[int]:
+        """Runs that are not fitted, nor a part of which is."""
+        names = {self._runs[i].name for i in self.splits["train"]}
+        return [i for i in self.splits["held-out"] if self._runs[i].name not in names]
+
+    def _offsets(self, numbers: dict[str, float]) -> dict[str, np.ndarray]:
+        """By group the offsets (fitted runs that measured it,) of its clock, s."""
+        own = {g: [x for name, x in numbers.items() if name.split(".")[1] == g] for g in READ_LATE}
+        return {g: beside_mean(len(some)) @ some for g, some in own.items() if some}
+
+    def _by_each_run(self, group: str, offsets: np.ndarray) -> float | np.ndarray:
+        """Offsets of the fitted runs as one by run, the mean where it is not fitted; of one run, or
+        where all are alike, that."""
+        if not np.ptp(offsets):
+            return float(offsets[0])
+        known = dict(zip(self.fitted[group], offsets, strict=True))
+        return np.array([known.get(run.name, offsets.mean()) for run in self._runs])
 
     def free(self, point):
         """Where a number's end would make its law another one, its range ends before.
@@ -262,6 +285,8 @@ class RigModel(AbstractModel):
         runs = self.machine.runs
         if with_start_angles(self.machine, about) is not runs:
             self.machine.rebase(about)
+        for i in self.unfitted:
+            fit_clocks(self.machine, about, i)
 
     def unsettled(self, point):
         """Laws at contacts and mounts change the elastic state in which a run begins rolling.
