@@ -16,7 +16,9 @@ from omnijax.diagnosis._answer import learned, term_fit
 from omnijax.diagnosis._answer.learned import Unexplained, ports_of
 from omnijax.diagnosis._answer.misshapen import _left, _own_functions
 from omnijax.diagnosis._answer.near_laws import near_laws
+from omnijax.diagnosis._answer.rig_evidence import RigEvidence
 from omnijax.diagnosis._answer.term_fit import TermFit
+from omnijax.diagnosis._machine import RigModel, said_of_outliers
 from omnijax.diagnosis._machine.candidates import untried
 from omnijax.diagnosis._search import Point, tangent_rows
 from omnijax.laws import EFFECTS
@@ -133,6 +135,45 @@ def test_a_few_wild_samples_are_left_out_and_name_nothing(none, wild):
     left_out = sum(int(f.split(": ")[2].split()[0]) for f in said)
     assert 0.9 * wild[1] < left_out < 1.1 * wild[1]
     assert {w.strip(":,") for f in said for w in f.split() if "_" in w} == set(WILD)
+
+
+def test_samples_that_were_left_out_and_fit_what_was_found_are_put_back(none):
+    """Drawn good samples, as if they had stood out before an effect was known: those come back.
+
+    Impacts of a backlash had been left out as shocks, 139 of them, and stayed out beside it.
+    """
+    evidence, point = none.details["evidence"], none.details["found"].fit.point
+    assert evidence.readmitted(point) is None  # what is wild
+    rng, kept = drawn_anew("samples that come back"), [*evidence.model.machine.runs]
+    wild, chosen = [dict(run.aside) for run in kept], {}
+    for i, run in enumerate(kept):
+        outputs, aside = dict(run.outputs), dict(run.aside)
+        for group in ("dR", "a"):
+            mask = np.isfinite(outputs[group]) & (rng.random(outputs[group].shape) < 0.02)
+            aside[group] = np.where(mask, outputs[group], aside.get(group, np.nan))
+            outputs[group] = np.where(mask, np.nan, outputs[group])
+            chosen[i, group] = mask
+        kept[i] = dataclasses.replace(run, outputs=outputs, aside=aside)
+    model = RigModel(
+        evidence.model.rig, kept, evidence.model.noise, evidence.model.laws, evidence.model.window
+    )
+    model.rebase(point)
+    said = ["data", *said_of_outliers(kept)]
+    again = RigEvidence(model, evidence.noise, said).readmitted(point)
+    assert again is not None
+    for i, run in enumerate(again.model.machine.runs):
+        for group in ("dR", "a"):
+            mask = chosen[i, group]
+            assert np.isfinite(run.outputs[group][mask]).mean() > 0.99
+            still = np.isfinite(wild[i].get(group, np.full(mask.shape, np.nan)))
+            assert np.isfinite(run.aside[group][still]).all()
+            assert np.isnan(run.outputs[group][still]).all()
+    told = [fault for fault in again.faults if "stand out no longer" in fault]
+    assert len(told) == len(kept) and again.faults[0] == "data"
+    assert [f for f in again.faults if "isolated" in f] == said_of_outliers(
+        again.model.machine.runs
+    )
+    assert not set(said[1:]) & set(again.faults)
 
 
 PORTS = ("contact", "mount", "shaft", "shape", "sphere", "surface", "sensor")

@@ -128,6 +128,7 @@ def test_outliers_of_a_run_are_said_once_though_parts_of_it_judge(monkeypatch):
         name: str
         time: np.ndarray
         outputs: dict[str, np.ndarray]
+        aside: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def mask(*rows):
         return {"a": np.isin(np.arange(30).reshape(10, 3), rows)}
@@ -139,10 +140,10 @@ def test_outliers_of_a_run_are_said_once_though_parts_of_it_judge(monkeypatch):
     kept, said = outliers.without_outliers(machine, machine, ("a",))
     assert [np.isnan(run.outputs["a"]).sum() for run in kept] == [2, 2, 1]
     assert said == [
-        "a: left out of a_x, a_y: 3 isolated samples more than 8 sigma from the neighbours, a "
-        "shock or a bad reading (at 1.000, 9.000 s).",
-        "b: left out of a_z: 1 isolated sample more than 8 sigma from the neighbours, a shock or a "
-        "bad reading (at 2.000 s).",
+        "a: left out of a_x, a_y: 3 isolated samples more than 8 sigma from the neighbours (at "
+        "1.000, 9.000 s): they are not used.",
+        "b: left out of a_z: 1 isolated sample more than 8 sigma from the neighbours (at 2.000 s): "
+        "it is not used.",
     ]
 
 

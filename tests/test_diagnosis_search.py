@@ -3,7 +3,7 @@
 import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,7 @@ from seeds import drawn_anew
 
 from omnijax import load_laws
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
+from omnijax.diagnosis._answered import _with_samples_back
 from omnijax.diagnosis._search import refits, search
 from omnijax.diagnosis._search.fit import Fit, refit
 from omnijax.diagnosis._search.model import free_numbers, friction_width, with_width
@@ -159,6 +160,27 @@ def test_a_search_beside_other_noise_goes_on_from_what_was_found(monkeypatch):
     assert made[2:] in ([], [1])  # with friction's width free
     assert again.way.fit.cost == pytest.approx(first.way.fit.cost, abs=0.05)
     assert again.baseline.cost == pytest.approx(first.baseline.cost, rel=1e-3)
+
+
+def test_a_search_goes_on_from_what_was_found_with_samples_that_come_back():
+    """Held-out runs had judged it without the samples that it explains."""
+    model, whole = (balance([law("bearing-coulomb", 0.2)]) for _ in range(2))
+    first = Search(model)
+    explored, asked = first.explore(), []
+
+    def evidence(back):
+        return SimpleNamespace(
+            model=model, readmitted=lambda point: asked.append(point) or back
+        )  # fmt: skip
+
+    none: Any = evidence(None)
+    assert _with_samples_back(none, first, explored) == (none, first, explored)
+    other = SimpleNamespace(model=whole)
+    some: Any = evidence(other)
+    evidence_now, again, way = _with_samples_back(some, first, explored)
+    assert evidence_now is other and again.model is whole and again is not first
+    assert asked == 2 * [explored.way.fit.point]
+    assert [e.name for e in way.way.fit.point.effects] == ["bearing-coulomb@shaft"]
 
 
 def test_lines_that_explain_nearly_as_much_are_refitted_and_none_of_a_name_far_behind(monkeypatch):

@@ -88,7 +88,7 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
     """Search from `start`; once more where the noise is shown to be another one than assumed."""
     who = JUDGES[evidence.confirmed_on].name
     search = Search(evidence.model, tell, who)
-    explored = search.explore(start)
+    evidence, search, explored = _with_samples_back(evidence, search, search.explore(start))
     tell("looking at what is left")
     shown = beside_doubt(evidence, explored.baseline, explored.way.fit)
     outcome, limits = None, None
@@ -110,13 +110,30 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
             tell("what looked like noise is explained in part by candidates: it is none")
             shown = shown.refuted()
         else:
-            evidence, search, explored, earlier, outcome = other, again, anew, shown, None
+            evidence, search, explored = _with_samples_back(other, again, anew)
+            earlier, outcome = shown, None
             tell("looking at what is left")
             shown = beside_doubt(evidence, explored.baseline, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     outcome.signatures = None  # room for a learned term
     return Searched(evidence, outcome, shown, earlier, limits or [])
+
+
+def _with_samples_back(
+    evidence: AbstractEvidence, search: Search, explored: Explored
+) -> tuple[AbstractEvidence, Search, Explored]:
+    """The same, or a search from there with samples that were left out before it, and now fit.
+
+    Impacts of a play stand out like shocks until it is known.
+    """
+    back = evidence.readmitted(explored.way.fit.point)
+    if back is None:
+        return evidence, search, explored
+    evidence.model.rest()
+    search.tell("samples that had been left out fit what was found: searching on with them")
+    again, known = Search(back.model, search.tell, search.who), explored.way.fit.point
+    return back, again, again.explore(explored.baseline.point, known)
 
 
 def _surely_unsteady(

@@ -177,6 +177,6 @@ def _model(case: Case, runs, noise, library, window, tell) -> tuple[RigModel, Po
             model.rebase(start)  # a rolling start hangs on the calibrated contacts
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)
         if said:
-            model, wild = model_of(kept), wild + said
+            model, wild = model_of(kept), said
     check_foretold(model, start, "held-out", case.rig_path)
     return model, start, wild

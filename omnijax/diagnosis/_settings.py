@@ -499,6 +499,9 @@ class OutliersSettings:
     """Isolated samples that fit neither their neighbours nor the model: left out, and said."""
 
     wild: float = 8.0  # sigma above the samples on both sides
+    # sigma above them, below which one that was left out fits after all: of 1e4 samples of white
+    # noise 3.5 stand out so far from both of their neighbours
+    fits: float = 4.0
     beyond: float = 4.0  # sigma below what is foretold, from which a reading was cut off
     # share of a channel's samples above which they are no outliers but a misfit
     most: float = 0.06

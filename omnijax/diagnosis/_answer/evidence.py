@@ -152,6 +152,11 @@ class AbstractEvidence(abc.ABC):
         """This evidence weighed by other noise, in the order of `columns`, where it `reweighs`."""
         raise NotImplementedError(f"{type(self).__name__} is weighed by one noise alone.")
 
+    def readmitted(self, point: Point) -> "AbstractEvidence | None":
+        """This evidence with samples back that had been left out and fit what a point foretells;
+        None where there is none, and by default."""
+        return None
+
     def parted(self) -> "AbstractEvidence | None":
         """This evidence with a third of every fitted run kept out of the fit beside the held-out
         runs; None where they are too short or play both roles already, and by default."""

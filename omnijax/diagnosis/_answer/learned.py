@@ -138,7 +138,8 @@ def ports_of(model: RigModel) -> list[AbstractPort]:
 
 def _drawn_as(port: AbstractPort, grid: TermGrid) -> str:
     """The name of a curve."""
-    return port.parts[grid.part] + (f" over {grid.input}" if grid.input else "")
+    part = port.parts[grid.part]
+    return part + (f" over {grid.input.removesuffix(f' of {part}')}" if grid.input else "")
 
 
 def _nearest(fitting: TermFit, scores: Sequence[Score], grids: Sequence[TermGrid]) -> list[NearLaw]:

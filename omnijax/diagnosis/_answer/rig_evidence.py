@@ -10,7 +10,15 @@ from ..._text import listed
 from ...dynamics import contact_signals
 from ...laws import ContactHertz
 from ...rig import rig_text
-from .._machine import CLOCK, READ_LATE, RigModel, beside_mean, locate, without_encoder
+from .._machine import (
+    CLOCK,
+    READ_LATE,
+    RigModel,
+    beside_mean,
+    locate,
+    said_of_outliers,
+    without_encoder,
+)
 from .._settings import SETTINGS
 from .channels import channel_index, channel_names
 from .evidence import AbstractEvidence, Unlisted
@@ -90,6 +98,15 @@ class RigEvidence(AbstractEvidence):
     def renoised(self, levels):
         model = self.model.renoised(levels)
         return RigEvidence(model, self.noise, self.faults, self.confirmed_on)
+
+    def readmitted(self, point):
+        again = self.model.readmitted(point)
+        if again is None:
+            return None
+        model, said = again
+        before = said_of_outliers(self.model.machine.runs)
+        kept = [fault for fault in self.faults if fault not in before]
+        return RigEvidence(model, self.noise, [*kept, *said], self.confirmed_on)
 
     def parted(self):
         by_parts = self.model.parted() if self.confirmed_on == "held-out" else None

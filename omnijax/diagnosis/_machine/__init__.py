@@ -20,6 +20,7 @@ from .modes import forced as forced
 from .modes import observe as observe
 from .modes import propagate as propagate
 from .motion import contact_directions as contact_directions
+from .outliers import said_of_outliers as said_of_outliers
 from .outliers import without_outliers as without_outliers
 from .rig_model import LINES as LINES
 from .rig_model import RigModel as RigModel

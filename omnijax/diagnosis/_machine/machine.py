@@ -535,22 +535,30 @@ class Machine:
 
         return np.concatenate(each(rows, which), axis=1)
 
-    def residual_tables(self, rig: Rig, i: int):
-        """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""
-        return self._left(rig, i, self.predicted([rig], i)[0])
+    def residual_tables(
+        self, rig: Rig, i: int, outputs: dict[str, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened.
 
-    def _left(self, rig: Rig, i: int, predicted: Predicted):
+        Of other `outputs` (by group (t, channels)) what these show beside the run's own motion.
+        """
+        return self._left(rig, i, self.predicted([rig], i)[0], outputs)
+
+    def _left(
+        self, rig: Rig, i: int, predicted: Predicted, outputs: dict[str, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         run, rig = self.runs[i], self.at_run(rig, i)
+        outputs = run.outputs if outputs is None else outputs
         missing = np.full((run.samples, 3), np.nan)
         elastic = []
         for group in ("dR", "a"):
-            elastic.append(run.outputs.get(group, missing) - _read(rig, run, predicted, group))
+            elastic.append(outputs.get(group, missing) - _read(rig, run, predicted, group))
         # Omega from the torques drifts; what sensors change is that of the measured motion
         turning = predicted.turning
         rolls = run.rolling_start(self.noise)
         shown = moving_readings(rig, "Omega", run.time, turning, rolls)
         Omega = predicted.Omega + shown - turning
-        rotation = [run.outputs.get("Omega", missing) - Omega, predicted.missed]
+        rotation = [outputs.get("Omega", missing) - Omega, predicted.missed]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
 
 

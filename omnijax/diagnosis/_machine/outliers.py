@@ -1,7 +1,9 @@
 """Isolated samples that fit neither their neighbours nor the model: left out, and said.
 
 Found in what is measured less predicted, so that the motion itself is no outlier.  Calibration and
-scores are quadratic: one wild sample of 100 sigma weighs as much as 1e4 good ones.
+scores are quadratic: one wild sample of 100 sigma weighs as much as 1e4 good ones.  What is not
+known yet makes some too (the impacts of a play): a run keeps them `aside`, and those that stand out
+no longer beside what was found are put back.
 """
 
 import dataclasses
@@ -23,14 +25,15 @@ KINK = SETTINGS.outliers.kink
 BESIDE = SETTINGS.outliers.beside
 USUAL = SETTINGS.outliers.usual
 AT_EDGES = SETTINGS.outliers.at_edges
+FITS = SETTINGS.outliers.fits
 
 
-def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
+def spikes(values: np.ndarray, sigma: np.ndarray | float, wild: float = WILD) -> np.ndarray:
     """Mask (n, c) of one or two samples that stand out to one side of the samples around them.
 
-    They stand out by more than `WILD` times the noise, and times the median change from one sample
-    to the next, both over the record and nearby.  (Where a misfit rings near half the sampling
-    rate, every sample stands out, and none of them is an outlier.)
+    They stand out by more than `wild` times the noise `sigma` (c,), or one of all, and times the
+    median change from one sample to the next, both over the record and nearby.  (Where a misfit
+    rings near half the sampling rate, every sample stands out, and none of them is an outlier.)
     """
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     n = len(values)
@@ -46,7 +49,7 @@ def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
     change = np.abs(np.diff(values, axis=0))
     about = median_filter(np.nan_to_num(change), (2 * BESIDE + 1, 1), mode="nearest")
     usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / USUAL
-    return np.nan_to_num(height) > WILD * np.maximum(usual, sigma)
+    return np.nan_to_num(height) > wild * np.maximum(usual, sigma)
 
 
 def _median(values: np.ndarray) -> np.ndarray:
@@ -131,22 +134,85 @@ def _isolated(left: np.ndarray, sigma: float, edges: np.ndarray, group: str) -> 
 def without_outliers(
     machine: Machine, rig: Rig, groups: Sequence[str]
 ) -> tuple[list[Run], list[str]]:
-    """The runs with the groups' outliers marked as missing, and a sentence for each run.
+    """The runs with the groups' outliers set aside, and what is said of all that are.
+
+    Nothing is said where there is none in these groups.
+    """
+    runs, any_new = [], False
+    for run, masks in zip(machine.runs, outliers(machine, rig, groups), strict=True):
+        outputs, aside = dict(run.outputs), dict(run.aside)
+        for group, mask in masks.items():
+            before = aside.get(group, np.full(mask.shape, np.nan))
+            aside[group] = np.where(mask, outputs[group], before)
+            outputs[group] = np.where(mask, np.nan, outputs[group])
+            any_new = True
+        runs.append(dataclasses.replace(run, outputs=outputs, aside=aside))
+    return runs, said_of_outliers(runs) if any_new else []
+
+
+def readmitted(machine: Machine, rig: Rig) -> tuple[list[Run], list[str]]:
+    """The runs with those samples back that stand out no longer, and a sentence for each run.
+
+    From their neighbours in what the rig leaves, by less than `FITS` sigma.  Of dR, a and Omega:
+    the angles are what the motion is told by, and no law makes a single one jump.
+    """
+    runs = []
+    back: dict[str, dict[str, set[float]]] = {}
+    for i, run in enumerate(machine.runs):
+        outputs, aside = dict(run.outputs), dict(run.aside)
+        for group, mask in _fitting(machine, rig, i).items():
+            outputs[group] = np.where(mask, aside[group], outputs[group])
+            aside[group] = np.where(mask, np.nan, aside[group])
+            _note(back, run, group, mask)
+        runs.append(dataclasses.replace(run, outputs=outputs, aside=aside))
+    said = []
+    for name, out in back.items():
+        count = sum(map(len, out.values()))
+        which = f"{count} sample{'s' if count > 1 else ''} of {', '.join(out)}"
+        stand, they = ("stand", "they count") if count > 1 else ("stands", "it counts")
+        said.append(
+            f"{name}: {which} that had been left out {stand} out no longer beside the best fit: "
+            f"{they} again."
+        )
+    return runs, said
+
+
+def _fitting(machine: Machine, rig: Rig, i: int) -> dict[str, np.ndarray]:
+    """By group the masks (n, c) of samples of run `i` that are set aside and stand out no longer.
+
+    Each group is judged with its own samples back, the motion without them.
+    """
+    run, out = machine.runs[i], {}
+    for group, values in run.aside.items():
+        kept = np.isfinite(values)
+        if group == "theta" or not kept.any():
+            continue
+        whole = {**run.outputs, group: np.where(kept, values, run.outputs[group])}
+        elastic, rotation = machine.residual_tables(rig, i, whole)
+        left = {"dR": elastic[:, :3], "a": elastic[:, 3:], "Omega": rotation[:, :3]}[group]
+        mask = kept & ~spikes(left, machine.noise[group] * run.level(group), FITS)
+        if mask.any():
+            out[group] = mask
+    return out
+
+
+def said_of_outliers(runs: Sequence[Run]) -> list[str]:
+    """A sentence for each run with samples that are set aside.
 
     A run that is split into a fitted and a held-out part gets one sentence, not two.
     """
-    runs = []
     left_out: dict[str, dict[str, set[float]]] = {}
-    for run, masks in zip(machine.runs, outliers(machine, rig, groups), strict=True):
-        outputs = dict(run.outputs)
-        for group, mask in masks.items():
-            outputs[group] = np.where(mask, np.nan, outputs[group])
-            for c in np.flatnonzero(mask.any(axis=0)):
-                name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
-                times = left_out.setdefault(run.name, {}).setdefault(name, set())
-                times.update(run.time[mask[:, c]].tolist())
-        runs.append(dataclasses.replace(run, outputs=outputs))
-    return runs, [_sentence(*run) for run in left_out.items()]
+    for run in runs:
+        for group, values in run.aside.items():
+            _note(left_out, run, group, np.isfinite(values))
+    return [_sentence(*run) for run in left_out.items()]
+
+
+def _note(into: dict[str, dict[str, set[float]]], run: Run, group: str, mask: np.ndarray) -> None:
+    """By run and channel the times of a group's samples in `mask` (n, c)."""
+    for c in np.flatnonzero(mask.any(axis=0)):
+        name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
+        into.setdefault(run.name, {}).setdefault(name, set()).update(run.time[mask[:, c]].tolist())
 
 
 def _sentence(run: str, out: dict[str, set[float]]) -> str:
@@ -155,6 +221,6 @@ def _sentence(run: str, out: dict[str, set[float]]) -> str:
     at = ", ".join(f"{t:.3f}" for t in times[:5]) + (", ..." if len(times) > 5 else "")
     return (
         f"{run}: left out of {', '.join(out)}: {count} isolated "
-        f"sample{'s' if count > 1 else ''} more than {WILD:g} sigma from the neighbours, a shock "
-        f"or a bad reading (at {at} s)."
+        f"sample{'s' if count > 1 else ''} more than {WILD:g} sigma from the neighbours (at {at} "
+        f"s): {'they are' if count > 1 else 'it is'} not used."
     )

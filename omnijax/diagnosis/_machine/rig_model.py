@@ -32,6 +32,7 @@ from .elastic_tangents import elastic_number
 from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
+from .outliers import readmitted, said_of_outliers
 from .own_clocks import fit_clocks
 from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
@@ -254,6 +255,17 @@ class RigModel(AbstractModel):
         for i, level in zip(order, levels, strict=True):
             runs[i] = with_noise(runs[i], level, self.rig.size)
         return RigModel(self.rig, runs, self.noise, self.laws, self.window)
+
+    def readmitted(self, point: Point) -> tuple["RigModel", list[str]] | None:
+        """The same model with samples back that had been left out and stand out no longer.
+
+        Beside the point; and what is to be said of these, and of others.  None where there is none.
+        """
+        runs, said = readmitted(self.machine, self.rig_at(point))
+        if not said:
+            return None
+        model = RigModel(self.rig, runs, self.noise, self.laws, self.window)
+        return model, [*said_of_outliers(runs), *said]
 
     def parted(self) -> tuple["RigModel", list[str]] | None:
         """The same model of fitted runs by parts, and what is to be said of these.

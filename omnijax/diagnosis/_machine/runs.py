@@ -36,6 +36,8 @@ class Run:
     levels: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # see `level`
     spectra: dict[str, Spectrum] = dataclasses.field(default_factory=dict)
     counts: np.ndarray | None = None  # (n,) samples that are compared; None: every one
+    # group -> (n, channels): readings of samples that `outputs` lacks as outliers, NaN elsewhere
+    aside: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     longest: int = 0  # samples of the longest run beside it, see `as_longest`
 
     def level(self, group: str) -> np.ndarray | float:
@@ -84,6 +86,7 @@ class Run:
         """The run's first samples."""
         parts = {k: getattr(self, k)[:samples] for k in ("time", "torque", "force", "known")}
         outputs = {g: values[:samples] for g, values in self.outputs.items()}
+        parts["aside"] = {g: values[:samples] for g, values in self.aside.items()}
         parts["counts"] = None if self.counts is None else self.counts[:samples]
         return dataclasses.replace(self, outputs=outputs, **parts)
 

@@ -143,7 +143,7 @@ class Search:
                 model, fit.point, baseline=fit.jacobian, relative=self.settings.roughly
             )
         else:  # another noise moves the ends of its refits by little
-            self.tell("smoothing the runs beside the other noise")
+            self.tell("smoothing the runs anew")
             model.rebase(start or stated)
             baseline = refit(model, start or stated, relative=self.settings.roughly)
         held_before = chi2_of(model, baseline.point, "held-out")
