@@ -355,6 +355,7 @@ def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off
 
     evidence = SimpleNamespace(
         model=model, columns=lambda x, split: [{"a_y": x}], locate=locate, subsystem=lambda c: c,
+        beside_starts=lambda point: [],
         asks_all=False, closing=0.99, steps=lambda split: [],
     )  # fmt: skip
     shown = beside_doubt(evidence, fit, fit)  # pyright: ignore

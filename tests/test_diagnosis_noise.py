@@ -457,7 +457,7 @@ def test_a_gap_is_no_noise_in_channels_of_the_same_state(channel, noise_only):
         steps=lambda split: [],
         columns=lambda residual, split: [table], locate=lambda point: ([], [stands]),
         asks_all=False,
-        subsystem=lambda c: RigEvidence.subsystem(None, c),
+        subsystem=lambda c: RigEvidence.subsystem(None, c), beside_starts=lambda point: [],
     )  # fmt: skip
     shown = shown_noise(evidence, None)
     assert shown.structured == ["dR_x"]
@@ -481,7 +481,7 @@ def test_what_only_a_fitted_run_shows_is_no_noise_of_it(asks_all, shows):
         steps=lambda split: [],
         columns=lambda split, _: runs[split], asks_all=asks_all,
         locate=lambda point, split="held-out", run=0: ([], [stands] * (split == "train" and run)),
-        subsystem=lambda c: RigEvidence.subsystem(None, c),
+        subsystem=lambda c: RigEvidence.subsystem(None, c), beside_starts=lambda point: [],
     )  # fmt: skip
     shown = shown_noise(evidence, None)
     told = asks_all and shows
@@ -505,7 +505,8 @@ def test_every_run_that_holds_more_than_white_noise_is_asked_alone():
     shown_noise(SimpleNamespace(
         model=SimpleNamespace(residuals=lambda points, split: [split], tell=str), asks_all=True,
         steps=lambda split: [],
-        columns=lambda split, _: runs[split], locate=locate, subsystem=str), None)  # fmt: skip
+        columns=lambda split, _: runs[split], locate=locate, subsystem=str,
+        beside_starts=lambda point: []), None)  # fmt: skip
     assert asked == [("train", 1), ("held-out", 0)]
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .. import plant
-from .effects import FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
+from .effects import DRIFT_ANYWHERE, FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
 from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_motions
-from .sensors import GROUPS, columns_of, drawn_noise, noisy, shifted
+from .sensors import GROUPS, columns_of, drawn_noise, noisy, of_all_groups, shifted
 
 SECONDS = 3.0  # s a run
 LANES = 6  # runs side by side: those that find a size, or three with what is hidden and without
@@ -61,6 +61,8 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
         certain += ("sphere.inertia",)
     machine = drawn_machine(rng, certain)
     make = {**KNOWN, **OUTSIDE, "wheel-radius": RADIUS}
+    if of_all_groups(seed):
+        make["sensor-drift"] = DRIFT_ANYWHERE
     hidden = [make[k](rng, machine) for k in draws]
     factors = [float(rng.choice(SIZES, p=LIKELY)) for _ in hidden]
     if chosen in ("unknown", "ambiguous"):
@@ -86,7 +88,8 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
         drop = ""
     rate = float(rng.choice([250.0, 500.0, 1000.0], p=[0.4, 0.4, 0.2]))
     torque, force = (linear_between(x, cut, rate) for x in (torque, force * forced))
-    case = Drawn(seed, chosen, hidden, machine, factors, rate, drawn_noise(rng, machine.wheels),
+    noise = drawn_noise(rng, machine.wheels, of_all_groups(seed))
+    case = Drawn(seed, chosen, hidden, machine, factors, rate, noise,
                  torque, force, start, widths, cut, drop, forced)  # fmt: skip
     return dataclasses.replace(case, lies=turned_back(case))
 
@@ -183,8 +186,10 @@ def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -
 def shown(case: Drawn, out: np.ndarray, without: np.ndarray, groups=GROUPS) -> float:
     """How far two outputs are apart: RMS in sigma of the group that shows it most.
 
-    Omega and theta: what is left beside a straight line in every second, as a drift is free.
+    Omega and theta: what is left beside a straight line in every second, as a drift is free; but
+    all of it where what drifts is their sensor, of which the other one tells.
     """
+    drifting = {h.place.split("_")[0] for h in case.hidden if h.id == "sensor-drift"}
     best, every = 0.0, round(FINE / case.rate)
     sigma = np.array(list(case.noise["sigma"].values()))
     far = ((out - without) / sigma)[round(case.cut * FINE) :: every]
@@ -192,7 +197,7 @@ def shown(case: Drawn, out: np.ndarray, without: np.ndarray, groups=GROUPS) -> f
         if group == case.drop:
             continue
         part = far[:, columns_of(group, case.machine.wheels)]
-        if group in ("Omega", "theta"):
+        if group in ("Omega", "theta") and group not in drifting:
             part = _detrended(part, round(case.rate))
         best = max(best, float(np.sqrt(np.mean(part**2))))
     return best

@@ -5,6 +5,7 @@ An effect of size x changes numbers of the plant (`physics`), of the machine it 
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -256,8 +257,8 @@ def _channel(rng, m, groups=("dR", "a")) -> tuple[int, str]:
     return j, names[j]
 
 
-def _drift(rng, m):
-    (j, name), share = _channel(rng, m), rng.uniform(-1, 1)
+def _drift(rng, m, groups=("dR", "a")):
+    (j, name), share = _channel(rng, m, groups), rng.uniform(-1, 1)
     s, sigma = _sign(rng), plant.NOISE[name.split("_")[0]]
 
     def drifting(out, x, first):
@@ -360,6 +361,7 @@ KNOWN = {
     "sensor-saturation": _clipped,
     "sensor-rectified": _rectified,
 }
+DRIFT_ANYWHERE = functools.partial(_drift, groups=("dR", "a", "Omega", "theta"))
 RADIUS = _strength("wheel-radius", "s", "radius", 1e-3, True, 0.1, one=True)
 FRICTION = ("bearing-coulomb", "bearing-viscous", "rolling-resistance", "spin-resistance",
             "air-drag")  # fmt: skip

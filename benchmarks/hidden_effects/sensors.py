@@ -11,6 +11,7 @@ from .machines import FINE
 
 GROUPS = ("dR", "theta", "Omega", "a")
 BETWEEN = 8  # points between two samples at FINE, where a smooth reading is lagged
+TURNING = 1300  # seed from which Omega and theta wander, are low-passed and drift too
 FAULTS = ("low-pass", "quantised", "wander", "clock")
 
 
@@ -59,8 +60,16 @@ def _low_passed(values: np.ndarray, step: float) -> np.ndarray:
     return lfilter(*weights, values, axis=0, zi=share * values[:1])[0]
 
 
-def drawn_noise(rng: np.random.Generator, wheels: int) -> dict[str, Any]:
-    """True 1-sigma by column, what is declared, and at most one further fault of a sensor."""
+def of_all_groups(seed: int) -> bool:
+    """Whether a seed draws drifts and noise of a colour in all groups, or in dR and a alone."""
+    return seed < 100 or seed >= TURNING
+
+
+def drawn_noise(rng: np.random.Generator, wheels: int, everywhere: bool) -> dict[str, Any]:
+    """True 1-sigma by column, what is declared, and at most one further fault of a sensor.
+
+    Noise has a colour in every group where `everywhere`, else in dR and a.
+    """
     names = plant.columns(wheels)
     scale = {g: np.exp(rng.uniform(np.log(0.6), np.log(1.6))) for g in GROUPS}
     sigma = {c: plant.NOISE[c.split("_")[0]] * scale[c.split("_")[0]] for c in names}
@@ -76,21 +85,25 @@ def drawn_noise(rng: np.random.Generator, wheels: int) -> dict[str, Any]:
         sigma[noisy] *= rng.uniform(1.5, 3.0)
     drawn: dict[str, Any] = {"how": how, "sigma": sigma, "declared": declared, "fault": "none"}
     if rng.random() < 0.4:
-        drawn |= _drawn_fault(rng, wheels)
+        drawn |= _drawn_fault(rng, wheels, everywhere)
     return drawn
 
 
-def _drawn_fault(rng, wheels: int) -> dict[str, Any]:
+def _drawn_fault(rng, wheels: int, everywhere: bool) -> dict[str, Any]:
     fault = str(rng.choice(FAULTS))
     if fault == "low-pass":
-        return {"fault": fault, "at": str(rng.choice(["a", "dR"])), "size": rng.uniform(1, 6)}
+        groups = ["a", "dR", "Omega", "theta"] if everywhere else ["a", "dR"]
+        return {"fault": fault, "at": str(rng.choice(groups)), "size": rng.uniform(1, 6)}
     if fault == "quantised":
         at = str(rng.choice(["theta", "dR", "a"], p=[0.5, 0.25, 0.25]))
         if at == "theta":
             return {"fault": fault, "at": at, "size": 2 * np.pi / 2 ** rng.integers(14, 17)}
         return {"fault": fault, "at": at, "size": plant.NOISE[at] * rng.uniform(0.5, 3)}
     if fault == "wander":
-        names = [c for c in plant.columns(wheels) if c[0] in "da"]
+        if everywhere and rng.random() < 0.5:  # a gyro's axes wander together
+            at = str(rng.choice(["Omega", "theta"]))
+            return {"fault": fault, "at": at, "size": rng.uniform(0.5, 3)}
+        names = [c for c in plant.columns(wheels) if everywhere or c[0] in "da"]
         return {"fault": fault, "at": str(rng.choice(names)), "size": rng.uniform(0.5, 3)}
     return {"fault": fault, "at": str(rng.choice(["dR", "a"])), "size": rng.uniform(-8e-4, 8e-4)}
 

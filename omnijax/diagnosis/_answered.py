@@ -105,7 +105,7 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
         again = Search(other.model, tell, who)
-        anew = again.explore(explored.baseline.point, explored.way.fit.point)
+        anew = again.explore(explored.baseline.point, explored.way.fit.point, doubted=True)
         if explained(other.model, anew.way):
             tell("what looked like noise is explained in part by candidates: it is none")
             shown = shown.refuted()

@@ -487,6 +487,22 @@ class RigOrdersSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class TurningNoiseSettings:
+    """Noise of a colour in Omega and theta, told beside the free start of every window."""
+
+    # Hz, above which a free start of a window of about 1 s takes up nothing of noise
+    quick: float = 1.0
+    fewest: int = 100  # waves that tell a level to 7 %
+    # decades of a walk's power at a run's slowest wave over white noise's, and of an offset's; so
+    # many of them tried: a walk's size is then known to 20 %, as 25 waves above the noise tell it
+    decades: tuple[float, float] = (-1.0, 7.0)
+    powers: int = 24
+    turns: int = 2  # in which low-pass noise is told again beside the starts: it stays then
+    next: int = 2  # powers up and down to which one that was taken in may move at once
+    small: float = 1e-13  # of a start's weight, at which nothing but rounding tells it
+
+
+@dataclasses.dataclass(frozen=True)
 class RunsSettings:
     """Whether a run begins in motion."""
 
@@ -933,6 +949,7 @@ class Settings:
     smooth: SmoothSettings = SmoothSettings()
     start_angles: StartAnglesSettings = StartAnglesSettings()
     tangents: TangentsSettings = TangentsSettings()
+    turning_noise: TurningNoiseSettings = TurningNoiseSettings()
     free_before: FreeBeforeSettings = FreeBeforeSettings()
     free_build: FreeBuildSettings = FreeBuildSettings()
     free_candidates: FreeCandidatesSettings = FreeCandidatesSettings()

@@ -157,6 +157,11 @@ class AbstractEvidence(abc.ABC):
         None where there is none, and by default."""
         return None
 
+    def beside_starts(self, point: Point) -> list[dict[str, Level]]:
+        """By run, in the order of `columns`, the noise of a colour of channels whose residual lacks
+        what free starts took up; of channels without such, and by default, none."""
+        return []
+
     def parted(self) -> "AbstractEvidence | None":
         """This evidence with a third of every fitted run kept out of the fit beside the held-out
         runs; None where they are too short or play both roles already, and by default."""

@@ -95,6 +95,9 @@ class RigEvidence(AbstractEvidence):
     def subsystem(self, channel):
         return "elastic" if channel.startswith(("dR", "a")) else "rotation"
 
+    def beside_starts(self, point):
+        return self.model.turning_levels(point)
+
     def renoised(self, levels):
         model = self.model.renoised(levels)
         return RigEvidence(model, self.noise, self.faults, self.confirmed_on)

@@ -187,6 +187,9 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
             most = least if own is None else own.beside.get(channel, np.inf)
             table[k][channel] = level if noise_only else _beside(level, most)
     bounded = frozenset(c for c in names if evidence.subsystem(c) in moved)
+    told = evidence.beside_starts(point) if len(bounded) < len(names) else []
+    for own, levels_beside in zip(table, told, strict=False):
+        own |= {c: x for c, x in levels_beside.items() if c in own and c not in bounded}
     return Shown(tuple(table), tuple(run.split for run in runs), by_split["held-out"], where,
                  bounded, by_split["train"])  # fmt: skip
 

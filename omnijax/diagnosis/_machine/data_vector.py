@@ -1,9 +1,12 @@
 """The data vector: whitened residual rows, and the directions that are left out of it."""
 
 import dataclasses
+import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from .._orthonormal import orthonormal
 from .._search import of_waves, to_waves
@@ -13,6 +16,7 @@ from .runs import Run
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
 SHORTEST = SETTINGS.data_vector.shortest
+UNTOLD = SETTINGS.turning_noise.small
 LATE = max(SETTINGS.candidates.late)
 
 
@@ -23,8 +27,10 @@ class DataRows:
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
     columns): Omega and s at the start of every window, and the elastic state of a rolling start.
     `filters` (6, samples: waves) whitens the elastic channels in time, where their noise has a
-    colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).  `late`
-    holds orthonormal rows (k, rows) along the offsets of clocks that were fitted to this run.
+    colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).
+    `turning` (3 + n, samples: waves) whitens the rotation likewise.  A wave lasts over all windows,
+    so their starts, white noise's directions, are left out together then.  `late` holds orthonormal
+    rows (k, rows) along the offsets of clocks that were fitted to this run.
     """
 
     samples: int
@@ -33,6 +39,7 @@ class DataRows:
     nuisance: list[tuple[slice, np.ndarray]]
     coloured: tuple[np.ndarray, np.ndarray] | None = None
     filters: np.ndarray | None = None
+    turning: np.ndarray | None = None
     late: np.ndarray | None = None
 
     @property
@@ -63,10 +70,60 @@ class DataRows:
     def take_off(self, x: np.ndarray) -> None:
         """`project` of row vectors (k, rows), in place."""
         self.whiten(x)
+        cut = self.elastic.size
         for part, q in self.nuisance:
-            x[:, part] -= (x[:, part] @ q) @ q.T
+            if self.turning is None or part.start < cut:
+                x[:, part] -= (x[:, part] @ q) @ q.T
+        if self.turning is not None:
+            self.bleach_rotation(x[:, cut:])
+            self._take_off_starts(x[:, cut:])
         if self.late is not None:
             x -= (x @ self.late.T) @ self.late
+
+    @property
+    def starts(self) -> list[tuple[slice, np.ndarray]]:
+        """Directions of the windows' starts under white noise, by their part of the rotation."""
+        cut = self.elastic.size
+        return [
+            (slice(part.start - cut, part.stop - cut), q)
+            for part, q in self.nuisance if part.start >= cut
+        ]  # fmt: skip
+
+    def _take_off_starts(self, x: np.ndarray) -> None:
+        """Whitened rotation rows (k, rotation) less their part along the starts W q, in place.
+
+        W is symmetric: what (W q)^T x is of every window, and what is taken off, need no W q.
+        """
+        back = x.copy()
+        self.bleach_rotation(back)
+        along = [back[:, part] @ q for part, q in self.starts]
+        sizes = cho_solve(self._gram, np.concatenate(along, axis=1).T).T
+        back[:] = 0.0
+        ends = np.cumsum([q.shape[1] for _, q in self.starts])[:-1]
+        for (part, q), size in zip(self.starts, np.split(sizes, ends, axis=1), strict=True):
+            back[:, part] = size @ q.T
+        self.bleach_rotation(back)
+        x -= back
+
+    @functools.cached_property
+    def _gram(self) -> tuple[np.ndarray, bool]:
+        """Cholesky factor of the whitened starts' inner products."""
+        rows = []
+        for part, q in self.starts:
+            own = np.zeros((q.shape[1], self.rotation.size))
+            own[:, part] = q.T
+            for _ in range(2):
+                self.bleach_rotation(own)
+            rows.append(np.concatenate([own[:, p] @ r for p, r in self.starts], axis=1))
+        gram = np.concatenate(rows)
+        return cho_factor((gram + gram.T) / 2 + UNTOLD * np.eye(len(gram)), lower=True)
+
+    def bleach_rotation(self, x: np.ndarray) -> None:
+        """Whiten rotation rows (k, rotation) in time, in place: waves over their amplitudes."""
+        if self.turning is not None:
+            for c in np.flatnonzero(np.any(self.turning != 1.0, axis=1)):
+                waves = to_waves(x[:, c :: len(self.turning)], 1) * self.turning[c]
+                x[:, c :: len(self.turning)] = of_waves(waves, 1)
 
     def whiten(self, x: np.ndarray) -> None:
         """Whiten the elastic channels of row vectors (k, rows) in place.
@@ -102,6 +159,13 @@ class DataRows:
             table = of_waves(waves)
         return np.where(self.elastic > 0, table, np.nan)
 
+    def unwhitened_rotation(self, x: np.ndarray) -> np.ndarray:
+        """The same of the rotation (samples, 3 + n), but for a part along the windows' starts."""
+        table = np.array(self.split(x)[1])
+        if self.turning is not None:
+            table = of_waves(to_waves(table) / self.turning.T)
+        return np.where(self.rotation > 0, table, np.nan)
+
     @property
     def windows(self) -> list[slice]:
         """Samples after whose first one Omega and the rolled lengths start anew."""
@@ -122,7 +186,9 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
     n = run.samples
     elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
     theta = _weights(run, "theta", {"theta": 1.0}, wheels)
-    filters = _filters(run)
+    filters = _filters(run, ELASTIC_CHANNELS)
+    lengths = [f"theta_{k + 1}" for k in range(wheels)]
+    turning = _filters(run, [*(f"Omega_{axis}" for axis in "xyz"), *lengths])
     rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
     for i in np.flatnonzero(~run.known):
         elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
@@ -131,7 +197,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
     if run.counts is not None:
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0
-    rows = DataRows(n, elastic, rotation, [], filters=filters)
+    rows = DataRows(n, elastic, rotation, [], filters=filters, turning=turning)
     length = n if window <= 0 else max(SHORTEST, round(window / run.step))
     starts = list(range(0, n, length))
     if len(starts) > 1 and n - starts[-1] < length // 2:
@@ -154,15 +220,15 @@ def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
     return np.isfinite(values) / (noise[group] * run.level(group))
 
 
-def _filters(run: Run) -> np.ndarray | None:
-    """1/sqrt of the relative spectrum of every elastic channel's noise (6, samples: waves).
+def _filters(run: Run, names: Sequence[str] = ELASTIC_CHANNELS) -> np.ndarray | None:
+    """1/sqrt of the relative spectrum of the noise of channels (channels, samples: waves).
 
     None where all are white.
     """
-    if not run.spectra:
+    if not any(name in run.spectra for name in names):
         return None
-    out = np.ones((6, run.samples))
-    for c, channel in enumerate(ELASTIC_CHANNELS):
+    out = np.ones((len(names), run.samples))
+    for c, channel in enumerate(names):
         if channel in run.spectra:
             out[c] = 1 / np.sqrt(run.spectra[channel].power(run.samples))
     return out

@@ -79,12 +79,12 @@ def _turned(machine, rig, i: int, vector: np.ndarray) -> tuple[np.ndarray, np.nd
     """What is left of the rolled lengths of run `i` in sigma (samples, n), NaN where nothing
     counts; and what they would be left by what is left of Omega."""
     rows, run = machine.rows[i], machine.runs[i]
-    table, weight = rows.split(vector)[1], rows.rotation
+    table, weight = rows.unwhitened_rotation(vector), rows.rotation
     speed = np.divide(table, weight, out=np.zeros_like(table), where=weight > 0)[:, :3]
     axes = machine.motions(rig, [i])[i].axes
     axes = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))]
     lengths = [rolled(speed, axes[:, k], run.step, rows.windows) for k in range(rig.size)]
-    return np.where(weight > 0, table, np.nan)[:, 3:], np.concatenate(lengths, axis=1)
+    return table[:, 3:], np.concatenate(lengths, axis=1)
 
 
 def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:

@@ -40,6 +40,7 @@ from .start_angles import with_start_angles
 from .stepped import LANES
 from .tangents import signatures
 from .tree_hash import digest
+from .turning_noise import RunWaves, TurningNoise
 from .uncertain import rig_priors, with_parameters, with_sensors
 from .unit_laws import Context
 
@@ -318,15 +319,44 @@ class RigModel(AbstractModel):
         them best.  Without it, the likelier of two points counts: the refit, and the fit with the
         drift alone removed (the refit, under another colour, may have moved the other numbers).
         """
-        if effect.id != "sensor-drift" or effect.place not in ELASTIC_CHANNELS:
+        if effect.id != "sensor-drift":
             return False
-        channel = ELASTIC_CHANNELS.index(effect.place)
         others = [e for e in fit.point.effects if e.name != effect.name]
         points = fit.point, less.point, fit.point.with_effects(*others)
+        if effect.place not in ELASTIC_CHANNELS:
+            first = self.turning_noise(points[0])
+            beside = [self.turning_noise(p, first.levels).likeliest[1] for p in points[1:]]
+            return min(beside) - first.likeliest[1] < self.settings.equal
+        channel = ELASTIC_CHANNELS.index(effect.place)
         straight, *drifting = (self._whole(p, channel) for p in points)
         level = float(np.median([white_level(x)[0] for x in straight]))
         left = [deviance([x / level for x in part], self._steps) for part in (straight, *drifting)]
         return min(left[1:]) - left[0] < self.settings.equal
+
+    def turning_noise(
+        self, point: Point, levels: Sequence[np.ndarray] | None = None
+    ) -> TurningNoise:
+        """The likeliest noise of Omega and theta in all runs at a point; `levels`: see there."""
+        parts: dict[int | str, list[tuple[DataRows, np.ndarray]]] = {}
+        for split in both(self.splits):
+            (residual,) = self.machine.residuals([self.rig_at(point)], split)
+            for i, part in zip(split, self._by_run(residual, split), strict=True):
+                parts.setdefault(whole_of(self.machine.runs[i], i), []).append(part)
+        runs = zip(parts.values(), self._steps, strict=True)
+        return TurningNoise([RunWaves.of(some, step) for some, step in runs], levels)
+
+    def turning_levels(self, point: Point) -> list[dict[str, Level]]:
+        """By train and then held-out run the noise of the rotation's channels that has a colour.
+
+        None where they are whitened in time already.
+        """
+        which = [*self.splits["train"], *self.splits["held-out"]]
+        if any(self.machine.rows[i].turning is not None for i in which):
+            return []
+        names = [*channels("Omega", self.rig.size), *channels("theta", self.rig.size)]
+        keys = [whole_of(self.machine.runs[i], i) for i in which]
+        shown = dict(zip(dict.fromkeys(keys), self.turning_noise(point).shown(names), strict=True))
+        return [shown[key] for key in keys]
 
     @property
     def _steps(self) -> list[float]:
@@ -341,8 +371,8 @@ class RigModel(AbstractModel):
         In assumed sigma, not whitened in time; zero where nothing counts.
         """
         out: dict[object, np.ndarray] = {}
-        for split in dict.fromkeys(map(tuple, (self.splits["train"], self.splits["held-out"]))):
-            (residual,) = self.machine.residuals([self.rig_at(point)], [*split])
+        for split in both(self.splits):
+            (residual,) = self.machine.residuals([self.rig_at(point)], split)
             for i, (rows, own) in zip(split, self._by_run(residual, split), strict=True):
                 column, key = rows.unwhitened(own)[:, channel], whole_of(self.machine.runs[i], i)
                 out[key] = out.get(key, 0.0) + np.nan_to_num(column)
@@ -382,7 +412,9 @@ class RigModel(AbstractModel):
         """By law and wheel the orders that stand out in what is left of the train runs."""
         (rest,) = self.residuals([point], "train")
         parts = list(self._by_run(rest, self.splits["train"]))
-        rows, left = [r for r, _ in parts], [r.split(own)[1] for r, own in parts]
+        rows, left = [r for r, _ in parts], [np.array(r.split(own)[1]) for r, own in parts]
+        for r, own in zip(rows, left, strict=True):  # W x . s, for x . W s of lines that are white
+            r.bleach_rotation(own.reshape(1, -1))
         beside = None
         if taken is not None:
             beside = [own[r.elastic.size :] for r, own in self._by_run(taken, self.splits["train"])]
@@ -494,6 +526,11 @@ class RigModel(AbstractModel):
         """Residuals (rigs, rows) on the train runs of rigs that nobody asks for again."""
         with self.machine.aside():
             return np.stack(self.machine.residuals(rigs, self.splits["train"], COARSE))
+
+
+def both(splits: dict[str, list[int]]) -> list[list[int]]:
+    """The train runs and the held-out ones; once where they are the same."""
+    return [[*x] for x in dict.fromkeys(map(tuple, (splits["train"], splits["held-out"])))]
 
 
 def whole_of(run: Run, i: int) -> int | str:

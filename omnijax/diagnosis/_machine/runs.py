@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...recording import at_first_sample
-from .._search import Spectrum, wave_frequencies
+from .._search import Spectrum
 from .._settings import SETTINGS
 
 FINE = SETTINGS.prediction.force_points
@@ -108,33 +108,24 @@ class Run:
 
 
 def with_noise(run: Run, noise: Mapping[str, Any], wheels: int) -> Run:
-    """The run with other noise: by channel a `ratio` to the old 1-sigma, and a `spectrum` or None.
-
-    Omega and the rolled lengths are not whitened in time (their windows start anew): there noise of
-    a colour counts as white noise as strong as it is where it is strongest, above 1 Hz.
-    """
+    """The run with other noise: by channel a `ratio` to the old 1-sigma; a `spectrum` or None."""
     levels, spectra = dict(run.levels), dict(run.spectra)
     for group in run.outputs:
         names = [f"{group}_{c}" for c in (range(1, wheels + 1) if group == "theta" else "xyz")]
-        ratio = np.array([_strength(run, noise.get(n), group) for n in names])
+        ratio = np.array([_strength(noise.get(n)) for n in names])
         if np.any(ratio != 1.0):
             levels[group] = run.level(group) * ratio
         for n in names:
-            if group in ELASTIC and n in noise and noise[n].spectrum is not None:
+            if n in noise and noise[n].spectrum is not None:
                 spectra[n] = noise[n].spectrum
     return dataclasses.replace(run, levels=levels, spectra=spectra)
 
 
-def _strength(run: Run, level: Any, group: str) -> float:
+def _strength(level: Any) -> float:
     """1-sigma of a channel over the old one."""
     if level is None or not np.isfinite(level.ratio) or level.ratio <= 0:
         return 1.0
-    if group in ELASTIC or level.spectrum is None:
-        return float(level.ratio)
-    quick = wave_frequencies(run.samples) / run.step > 1.0
-    return float(
-        level.ratio * np.sqrt(np.max(level.spectrum.power(run.samples)[quick], initial=1.0))
-    )
+    return float(level.ratio)
 
 
 def to_run(recording) -> Run:

@@ -53,7 +53,11 @@ from .search import Explored as Explored
 from .search import Search as Search
 from .search import SearchPath as SearchPath
 from .search import SearchResult as SearchResult
+from .spectrum import NUMBERS as NUMBERS
+from .spectrum import Likeliest as Likeliest
 from .spectrum import Spectrum as Spectrum
+from .spectrum import Waves as Waves
+from .spectrum import likeliest as likeliest
 from .spectrum import of_waves as of_waves
 from .spectrum import to_waves as to_waves
 from .spectrum import wave_frequencies as wave_frequencies

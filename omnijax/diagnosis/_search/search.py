@@ -128,10 +128,13 @@ class Search:
         """Search from a calibrated `start`, and review what was found."""
         return self.reviewed(self.explore(start))
 
-    def explore(self, start: Point | None = None, known: Point | None = None) -> Explored:
+    def explore(
+        self, start: Point | None = None, known: Point | None = None, doubted: bool = False
+    ) -> Explored:
         """Search from `start` until nothing is left that held-out runs accept.
 
-        `known` effects of an earlier search are taken in at once and judged like the others.
+        `known` effects of an earlier search are taken in at once and judged like the others.  Where
+        they are `doubted`, one that does not stand by itself begins the search from none.
         """
         model = self.model
         stated = Point(np.zeros(len(model.priors)))
@@ -150,9 +153,12 @@ class Search:
         self.begun = baseline.chi2, held_before
         if known is not None and known.effects:
             before = chi2_of(model, known, "train")
-            way = self.follow(SearchPath(self.refits.settled(known, before)))
-        else:
-            way = self.best_way(baseline, self.follow(SearchPath(baseline)))
+            settled = self.refits.settled(known, before)
+            if not doubted or self.stands(settled):
+                return Explored(baseline, held_before, self.follow(SearchPath(settled)))
+            self.tell(f"{self.who} do not confirm that beside the other noise: beginning anew")
+            model.rebase(start or stated)
+        way = self.best_way(baseline, self.follow(SearchPath(baseline)))
         return Explored(baseline, held_before, way)
 
     def reviewed(self, explored: Explored) -> SearchResult:
@@ -239,6 +245,20 @@ class Search:
             less = refit(self.model, others, rounds=WITHOUT)
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
             if not held.confirms(less.cost - way.fit.cost, self.settings):
+                return False
+        return True
+
+    def stands(self, fit: Fit) -> bool:
+        """Whether every effect of a fit, found under another noise, is confirmed under this one.
+
+        Beside the others: it is needed by the fitted runs, and held-out runs show what it changes.
+        """
+        after = residual_of(self.model, fit.point, "held-out")
+        for i in range(len(fit.point.effects)):
+            less = refit(self.model, fit.point.without(i), rounds=WITHOUT)
+            gain = less.cost - fit.cost
+            held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
+            if gain < self.settings.margin or not held.confirms(gain, self.settings):
                 return False
         return True
 

@@ -79,7 +79,11 @@ class Spectrum:
         mean = self.white + self.low_pass + samples * (EARLIER * samples * step)
         power = np.append(mean, self.plain(f[1:]))
         f[0] = f[1]
-        return power * np.exp(np.interp(np.log(f), np.log(self.ratio[0]), np.log(self.ratio[1])))
+        return power * self.beside(f)
+
+    def beside(self, f: np.ndarray) -> np.ndarray:
+        """The ratio at frequencies above zero."""
+        return np.exp(np.interp(np.log(f), np.log(self.ratio[0]), np.log(self.ratio[1])))
 
     def scaled(self, factor: float) -> "Spectrum":
         """`factor` times its power."""
