@@ -518,6 +518,7 @@ class OutliersSettings:
     # sigma above them, below which one that was left out fits after all: of 1e4 samples of white
     # noise 3.5 stand out so far from both of their neighbours
     fits: float = 4.0
+    few: int = 5  # samples of all runs: fewer are not worth another look at all laws, for time
     beyond: float = 4.0  # sigma below what is foretold, from which a reading was cut off
     # share of a channel's samples above which they are no outliers but a misfit
     most: float = 0.06

@@ -26,6 +26,7 @@ BESIDE = SETTINGS.outliers.beside
 USUAL = SETTINGS.outliers.usual
 AT_EDGES = SETTINGS.outliers.at_edges
 FITS = SETTINGS.outliers.fits
+FEW = SETTINGS.outliers.few
 
 
 def spikes(values: np.ndarray, sigma: np.ndarray | float, wild: float = WILD) -> np.ndarray:
@@ -154,13 +155,17 @@ def readmitted(machine: Machine, rig: Rig) -> tuple[list[Run], list[str]]:
     """The runs with those samples back that stand out no longer, and a sentence for each run.
 
     From their neighbours in what the rig leaves, by less than `FITS` sigma.  Of dR, a and Omega:
-    the angles are what the motion is told by, and no law makes a single one jump.
+    the angles are what the motion is told by, and no law makes a single one jump.  Fewer than `FEW`
+    in all stay out.
     """
+    fitting = [_fitting(machine, rig, i) for i in range(len(machine.runs))]
+    if sum(int(mask.sum()) for masks in fitting for mask in masks.values()) < FEW:
+        return list(machine.runs), []
     runs = []
     back: dict[str, dict[str, set[float]]] = {}
     for i, run in enumerate(machine.runs):
         outputs, aside = dict(run.outputs), dict(run.aside)
-        for group, mask in _fitting(machine, rig, i).items():
+        for group, mask in fitting[i].items():
             outputs[group] = np.where(mask, aside[group], outputs[group])
             aside[group] = np.where(mask, np.nan, aside[group])
             _note(back, run, group, mask)
