@@ -209,6 +209,7 @@ def test_what_is_undecided_is_known_beside_tangents_of_any_size():
     assert np.all(np.isfinite(ways)) and np.all(less > 0)
 
 
+@pytest.mark.full
 def test_a_handful_of_points_goes_one_by_one_and_gives_the_same_rows(tmp_path):
     rng = drawn_anew("handful")
     t = np.arange(400) * 5e-3

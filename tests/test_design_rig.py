@@ -140,6 +140,7 @@ def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys, mo
     assert "`slip_margin >= 200 N`" in text and "`preload <= 120 N`" in text
 
 
+@pytest.mark.full
 def test_an_interrupted_search_is_taken_up(engine, tmp_path, capsys, monkeypatch):
     """Ctrl-C in the second search: the first is kept, said so, and not searched again."""
     path = study_file(tmp_path, ("starts = 3\nbatch = 3", "starts = 4\nbatch = 3"))

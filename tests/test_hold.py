@@ -86,6 +86,7 @@ def _moved(rig, normal, drive, stiffer=0.0):
     )
 
 
+@pytest.mark.full
 def test_steady_states_under_jit_vmap_and_grad_have_a_status():
     rig, (normal, drive, expected) = machine(SKEW), _layouts()
     one = partial(steady_state, speeds=W, **SIZES)

@@ -236,6 +236,7 @@ def varied(rig):
     return make
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["tripod, alike"])
 def test_gradients_are_the_slopes_between_designs(name):
     """Six numbers, at equal wheels too, whose poles are exactly degenerate; sixth order."""

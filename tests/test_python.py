@@ -171,6 +171,7 @@ def test_a_rig_may_be_a_name_wherever_one_is_asked(run):
         get_parameter("atlsa", "sphere.mass")
 
 
+@pytest.mark.full
 def test_long_runs_and_modes_take_names_and_units():
     by_name = omnijax.steady_state("atlas", "1 rpm, 1.2, 0.3")
     same = omnijax.steady_state(RIG, [2 * np.pi / 60, 1.2, 0.3])

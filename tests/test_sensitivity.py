@@ -99,6 +99,7 @@ def test_metrics_that_the_bulk_does_not_give_have_the_derivatives_of_one_run():
     )
 
 
+@pytest.mark.full
 def test_a_run_has_the_derivatives_of_its_own_samples():
     rig = load_rig("atlas")
     found = sensitivity(rig, SPEED, duration=0.2, parameters=PATHS)

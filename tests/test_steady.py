@@ -125,6 +125,7 @@ def drawn():
     return base, model, alike(stacked)
 
 
+@pytest.mark.full
 def test_one_turning_wheel_reaches_its_supremum(drawn):
     """With one wheel in motion the motion is periodic: every figure is reached exactly."""
     rig, model, states = drawn
