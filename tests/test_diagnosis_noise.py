@@ -19,7 +19,7 @@ from omnijax.diagnosis._answer.gap import gaps
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import _excess, _floor, judge, squares
 from omnijax.diagnosis._answered import _judged, explained
-from omnijax.diagnosis._machine.data_vector import DataRows, _filters
+from omnijax.diagnosis._machine.data_vector import ELASTIC_CHANNELS, DataRows, _filters
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
@@ -79,7 +79,9 @@ def whitened(columns: np.ndarray, level: Level) -> tuple[DataRows, np.ndarray]:
     run = Run("r", "train", STEP * np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)),
               {"a": np.zeros((n, 3))}, np.ones(n, bool))  # fmt: skip
     run = with_noise(run, {"a_x": level}, 3)
-    rows = DataRows(n, np.ones((n, 6)), np.ones((n, 6)), [], filters=_filters(run))
+    rows = DataRows(
+        n, np.ones((n, 6)), np.ones((n, 6)), [], filters=_filters(run, ELASTIC_CHANNELS)
+    )
     table = np.zeros((k, n, 6))
     table[:, :, 3] = columns.T / level.ratio
     flat = table.reshape(k, -1)

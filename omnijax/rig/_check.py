@@ -185,8 +185,9 @@ def _sphere_problems(sphere: Any) -> Iterator[str]:
     inertia = number_in(SphereTable, "inertia", sphere)
     if inertia is None:
         return
-    yield from inertia_problems(inertia)
-    moments = float(np.trace(np.array(inertia))) if isinstance(inertia, tuple) else 3 * inertia
+    tensor = np.array(inertia) if isinstance(inertia, tuple) else inertia * np.eye(3)
+    yield from inertia_problems(tensor)
+    moments = float(np.trace(tensor))
     if mass is not None and radius is not None:
         most = 2 * mass * radius**2  # sum of the moments, all mass at the surface
         if moments > most * 1.01:  # rounded figures of a hollow sphere pass
@@ -196,9 +197,8 @@ def _sphere_problems(sphere: Any) -> Iterator[str]:
             )
 
 
-def inertia_problems(inertia: Any) -> Iterator[str]:
-    """That no body has such moments (kg m^2): a number, or the rows of a 3x3 tensor."""
-    tensor = np.array(inertia, float) * (1.0 if np.ndim(inertia) == 2 else np.eye(3))
+def inertia_problems(tensor: np.ndarray) -> Iterator[str]:
+    """That no body has the principal moments of an inertia (3, 3), kg m^2."""
     low, middle, high = np.linalg.eigvalsh(tensor).tolist()
     if low + middle < high * (1 - 1e-6):
         yield (

@@ -86,9 +86,9 @@ def _check_preloads(rig: Rig) -> None:
 
 def _check_inertia(rig: Rig) -> None:
     """`InputError` where no body has the sphere's inertia, as far as it is known."""
-    inertia = rig.sphere.inertia
-    wrong = [] if isinstance(inertia, Tracer) else list(inertia_problems(np.asarray(inertia)))
-    if wrong:
+    if isinstance(rig.sphere.inertia, Tracer):
+        return
+    if wrong := list(inertia_problems(np.asarray(rig.sphere.inertia_matrix))):
         raise InputError(wrong)
 
 

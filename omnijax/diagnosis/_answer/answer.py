@@ -25,6 +25,7 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
         return []
     model, fit, out = evidence.model, outcome.fit, []
     dof = model.dof("train")
+    scaled = fit.scaled_covariance(dof)
     floor, price = min(judged.floor, outcome.held_after), float(np.log(dof))
     for i, effect in enumerate(fit.point.effects):
         near = judged.equals.get(i, [])
@@ -32,7 +33,7 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
         margin = min((r.margin for r in outcome.rivals.get(i, [])), default=None)
         mine = {"margin_to_next": margin}
         refits = [  # effect, chi2 of both splits, covariances, and what stands beside these
-            (effect, fit.chi2, outcome.held_after, fit.covariances(i, dof), mine),
+            (effect, fit.chi2, outcome.held_after, fit.covariances(i, scaled), mine),
             *((r.effect, r.chi2, r.held, r.covariances, {"margin": r.margin, "cosine": r.cosine})
               for r in near),
         ]  # fmt: skip

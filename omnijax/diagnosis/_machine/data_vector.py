@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from ...recording import channels
 from .._orthonormal import orthonormal
 from .._search import of_waves, to_waves
 from .._settings import SETTINGS
@@ -18,6 +19,11 @@ SETTLE = SETTINGS.data_vector.settle
 SHORTEST = SETTINGS.data_vector.shortest
 UNTOLD = SETTINGS.turning_noise.small
 LATE = max(SETTINGS.candidates.late)
+
+
+def rotation_channels(wheels: int) -> tuple[str, ...]:
+    """The channels of a rotation's rows, in their order."""
+    return (*channels("Omega", wheels), *channels("theta", wheels))
 
 
 @dataclasses.dataclass
@@ -120,10 +126,7 @@ class DataRows:
 
     def bleach_rotation(self, x: np.ndarray) -> None:
         """Whiten rotation rows (k, rotation) in time, in place: waves over their amplitudes."""
-        if self.turning is not None:
-            for c in np.flatnonzero(np.any(self.turning != 1.0, axis=1)):
-                waves = to_waves(x[:, c :: len(self.turning)], 1) * self.turning[c]
-                x[:, c :: len(self.turning)] = of_waves(waves, 1)
+        _bleach(x, self.turning)
 
     def whiten(self, x: np.ndarray) -> None:
         """Whiten the elastic channels of row vectors (k, rows) in place.
@@ -138,10 +141,7 @@ class DataRows:
 
     def bleach(self, x: np.ndarray) -> None:
         """Whiten elastic rows (k, elastic) in time, in place: waves over their amplitudes."""
-        if self.filters is not None:
-            for c in np.flatnonzero(np.any(self.filters != 1.0, axis=1)):
-                waves = to_waves(x[:, c :: len(self.filters)], 1) * self.filters[c]
-                x[:, c :: len(self.filters)] = of_waves(waves, 1)
+        _bleach(x, self.filters)
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A row vector as its (elastic, rotation) tables, whitened."""
@@ -153,18 +153,11 @@ class DataRows:
 
         NaN where nothing counts.
         """
-        table = np.array(self.split(x)[0])
-        if self.filters is not None:
-            waves = to_waves(table) / self.filters.T
-            table = of_waves(waves)
-        return np.where(self.elastic > 0, table, np.nan)
+        return _unbleached(self.split(x)[0], self.filters, self.elastic)
 
     def unwhitened_rotation(self, x: np.ndarray) -> np.ndarray:
         """The same of the rotation (samples, 3 + n), but for a part along the windows' starts."""
-        table = np.array(self.split(x)[1])
-        if self.turning is not None:
-            table = of_waves(to_waves(table) / self.turning.T)
-        return np.where(self.rotation > 0, table, np.nan)
+        return _unbleached(self.split(x)[1], self.turning, self.rotation)
 
     @property
     def windows(self) -> list[slice]:
@@ -181,14 +174,28 @@ class DataRows:
         return count - free - (0 if self.late is None else len(self.late))
 
 
+def _bleach(x: np.ndarray, filters: np.ndarray | None) -> None:
+    """Whiten rows (k, samples by channels) in time, in place; where there are filters."""
+    if filters is not None:
+        for c in np.flatnonzero(np.any(filters != 1.0, axis=1)):
+            part = slice(c, None, len(filters))
+            x[:, part] = of_waves(to_waves(x[:, part], 1) * filters[c], 1)
+
+
+def _unbleached(table: np.ndarray, filters: np.ndarray | None, weight: np.ndarray) -> np.ndarray:
+    """A whitened table (samples, channels) before that; NaN where nothing has a weight."""
+    if filters is not None:
+        table = of_waves(to_waves(table) / filters.T)
+    return np.where(weight > 0, table, np.nan)
+
+
 def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> DataRows:
     """Weights and nuisance directions of one run; `length_noise` (n,) is sigma of s."""
     n = run.samples
     elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
     theta = _weights(run, "theta", {"theta": 1.0}, wheels)
     filters = _filters(run, ELASTIC_CHANNELS)
-    lengths = [f"theta_{k + 1}" for k in range(wheels)]
-    turning = _filters(run, [*(f"Omega_{axis}" for axis in "xyz"), *lengths])
+    turning = _filters(run, rotation_channels(wheels))
     rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
     for i in np.flatnonzero(~run.known):
         elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
@@ -220,7 +227,7 @@ def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
     return np.isfinite(values) / (noise[group] * run.level(group))
 
 
-def _filters(run: Run, names: Sequence[str] = ELASTIC_CHANNELS) -> np.ndarray | None:
+def _filters(run: Run, names: Sequence[str]) -> np.ndarray | None:
     """1/sqrt of the relative spectrum of the noise of channels (channels, samples: waves).
 
     None where all are white.

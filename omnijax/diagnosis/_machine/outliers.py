@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
+from ...recording import channels
 from ...rig import Rig
 from .._settings import SETTINGS
 from .machine import Machine
@@ -216,7 +217,7 @@ def said_of_outliers(runs: Sequence[Run]) -> list[str]:
 def _note(into: dict[str, dict[str, set[float]]], run: Run, group: str, mask: np.ndarray) -> None:
     """By run and channel the times of a group's samples in `mask` (n, c)."""
     for c in np.flatnonzero(mask.any(axis=0)):
-        name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
+        name = channels(group, mask.shape[1])[c]
         into.setdefault(run.name, {}).setdefault(name, set()).update(run.time[mask[:, c]].tolist())
 
 

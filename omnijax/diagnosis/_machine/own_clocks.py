@@ -28,16 +28,15 @@ def fit_clocks(machine, rig: Rig, i: int) -> None:
     """
     rows, run = machine.rows[i], machine.runs[i]
     rows.late = None
-    groups = [
-        p.place for p in rig.at("sensor") if type(p.law) is LoggerClock
-        and p.place in run.outputs and not machine.tells_motion(p.place)
-    ]  # fmt: skip
     machine.clocks.pop(i, None)
-    if not groups:
+    mean = {
+        p.place: float(p.law.delay)
+        for p in machine.at_run(rig, i).at("sensor") if type(p.law) is LoggerClock
+        and p.place in run.outputs and not machine.tells_motion(p.place)
+    }  # fmt: skip
+    if not mean:
         return
-    laws = machine.at_run(rig, i).at("sensor")
-    mean = {p.place: float(p.law.delay) for p in laws if type(p.law) is LoggerClock}
-    before = np.array([mean[g] for g in groups])
+    groups, before = [*mean], np.array([*mean.values()])
     late, tangents = before.copy(), np.zeros((len(groups), rows.size))
     for _ in range(TURNS):
         here = _left(machine, rig, i, groups, late)

@@ -27,7 +27,7 @@ from .._settings import SETTINGS
 from .._threads import each
 from .candidates import candidates
 from .clocks import READ_LATE, beside_mean, clock_priors, with_clocks
-from .data_vector import ELASTIC_CHANNELS, DataRows
+from .data_vector import ELASTIC_CHANNELS, DataRows, rotation_channels
 from .elastic_tangents import elastic_number
 from .linearisation import Linearisation, base_of
 from .machine import Machine
@@ -353,7 +353,7 @@ class RigModel(AbstractModel):
         which = [*self.splits["train"], *self.splits["held-out"]]
         if any(self.machine.rows[i].turning is not None for i in which):
             return []
-        names = [*channels("Omega", self.rig.size), *channels("theta", self.rig.size)]
+        names = rotation_channels(self.rig.size)
         keys = [whole_of(self.machine.runs[i], i) for i in which]
         shown = dict(zip(dict.fromkeys(keys), self.turning_noise(point).shown(names), strict=True))
         return [shown[key] for key in keys]

@@ -66,6 +66,8 @@ def _covariance(fit: Fit, spread: float) -> np.ndarray:
     Noise that is stronger than assumed in some channel, or has a colour, moves the numbers that are
     told by it by more than the fit's own covariance says.  How far is told by the sums of tangents
     times residual over blocks of rows; never less than white noise of the mean `spread` would.
+    Here in every direction of the numbers, the worst too, as a doubt is granted;
+    `Fit.scaled_covariance` is that of each number by itself, as it is told.
 
     Source: White, A heteroskedasticity-consistent covariance matrix estimator (1980); over blocks,
     Liang, Zeger (1986).

@@ -41,14 +41,13 @@ class Fit:
         """What the fit makes small."""
         return self.chi2 + self.penalty
 
-    def covariances(self, i: int, dof: int) -> dict[str, np.ndarray]:
-        """By free number of effect `i` its `scaled_covariance` (k, k), of a vector's k parts."""
+    def covariances(self, i: int, of: np.ndarray) -> dict[str, np.ndarray]:
+        """By free number of effect `i` its part (k, k) `of` a covariance, of a vector's k parts."""
         places: dict[str, list[int]] = {}
         for k, free in enumerate(self.free):
             if free.effect == i:
                 places.setdefault(free.key, []).append(len(self.point.u) + k)
-        scaled = self.scaled_covariance(dof)
-        return {key: scaled[np.ix_(own, own)] for key, own in places.items()}
+        return {key: of[np.ix_(own, own)] for key, own in places.items()}
 
     def scaled_covariance(self, dof: int) -> np.ndarray:
         """The covariance (numbers, numbers) by what the fit leaves in `dof` rows.

@@ -178,7 +178,7 @@ class Review:
                     self.wider[effects[i].name].append(rival.name)
                 continue
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
-            own_numbers = new.covariances(i, self.model.dof("train"))
+            own_numbers = new.covariances(i, new.scaled_covariance(self.model.dof("train")))
             rivals.append(Rival(rival, margin, cosine, new.chi2, left_held, own_numbers))
         return None, sorted(rivals, key=lambda rival: rival.margin)
 

@@ -238,27 +238,27 @@ class Search:
 
         And all those together that it has more than the way up to its first step on trust, `sure`.
         """
-        after = residual_of(self.model, way.fit.point, "held-out")
         point = way.fit.point
-        kept = [point.without(i) for i in range(len(point.effects))]
-        for others in (point.with_effects(*sure.fit.point.effects), *kept):
-            less = refit(self.model, others, rounds=WITHOUT)
-            held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
-            if not held.confirms(less.cost - way.fit.cost, self.settings):
-                return False
-        return True
+        return self._confirms(way.fit, [point.with_effects(*sure.fit.point.effects), *_less(point)])
 
     def stands(self, fit: Fit) -> bool:
         """Whether every effect of a fit, found under another noise, is confirmed under this one.
 
         Beside the others: it is needed by the fitted runs, and held-out runs show what it changes.
         """
+        return self._confirms(fit, _less(fit.point), self.settings.margin)
+
+    def _confirms(self, fit: Fit, others: list[Point], least: float = -np.inf) -> bool:
+        """Whether held-out runs confirm what a fit has more than each of `others`, refitted.
+
+        And the fitted runs gain `least` by it.
+        """
         after = residual_of(self.model, fit.point, "held-out")
-        for i in range(len(fit.point.effects)):
-            less = refit(self.model, fit.point.without(i), rounds=WITHOUT)
+        for point in others:
+            less = refit(self.model, point, rounds=WITHOUT)
             gain = less.cost - fit.cost
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
-            if gain < self.settings.margin or not held.confirms(gain, self.settings):
+            if gain < least or not held.confirms(gain, self.settings):
                 return False
         return True
 
@@ -455,3 +455,8 @@ class Search:
             left - n < max(self.settings.noise * np.sqrt(2 * n), self.settings.rest * (begun - n))
             for left, begun, n in zip((fit.chi2, held), self.begun, sizes, strict=True)
         )
+
+
+def _less(point: Point) -> list[Point]:
+    """A point without each of its effects."""
+    return [point.without(i) for i in range(len(point.effects))]

@@ -138,17 +138,12 @@ def _beside(
     for first in range(0, len(some), room):
         own = some[first : first + room]
         numbers = _filled(own, size)
-        moved, poles, shift = jax.tree.map(
-            lambda x, of=numbers: np.asarray(x)[of], (design, at.poles, at.shift)
-        )
-        A, rate = np.array(moved.system.A), moved.signals.rate
-        count = len(own) * len(STEPS)
-        for first_point in range(0, count, len(STEPS)):
-            if poles[first_point]:
-                each = slice(first_point, first_point + len(STEPS))
-                S = apart(A[first_point], blocks, float(at.slow))
-                A[each] += STEPS[:, None, None] * S
-        A[count:] = A[count - 1]
+        moved, shift = jax.tree.map(lambda x, of=numbers: np.asarray(x)[of], (design, at.shift))
+        A, rate = moved.system.A, moved.signals.rate
+        S = np.zeros((len(own), *A.shape[1:]))
+        for k in np.flatnonzero(np.asarray(at.poles)[own]):
+            S[k] = apart(A[k * len(STEPS)], blocks, float(at.slow))
+        A = A + step[:, None, None] * S[_filled(np.arange(len(own)), size)]
         system = moved.system._replace(A=A)
         signals = moved.signals._replace(rate=rate + step[:, None] * shift)
         yield own, moved._replace(system=system, signals=signals)
