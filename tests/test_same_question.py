@@ -3,6 +3,7 @@
 import csv
 import tomllib
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +15,7 @@ from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
 from omnijax.cli._motion import MotionOptions
-from omnijax.laws import FloorVibration, WheelRunout
+from omnijax.laws import FloorVibration, TableShape, WheelRunout
 from omnijax.rig import parse_rig, put_parameter, rig_text, save_rig
 from omnijax.simulation import TorqueDrive, speeds
 from omnijax.study import parse_study, refit_remarks
@@ -221,6 +222,13 @@ def test_levels_of_speeds_and_rollers_that_are_in_step_are_told():
     law = WheelRunout(amplitude=1e-4, phase=0.0)
     said = told({"wheel.mass": [5.0]}, [1.0, np.pi, 1.0], unlike.add(law, "w1").add(law, "w3"))
     assert said is not None and said.startswith("w1 and w3 turn in step, as ")  # once a turn
+    pitch = 2 * np.pi / rollers  # a table of a pitch is no more than its rollers
+    for period in (pitch, 2 * np.pi):
+        table = TableShape.fit(period * np.arange(6) / 6, rng.uniform(0, 1e-4, 6), period)
+        measured = eqx.tree_at(lambda r: r.profiles, unlike, (table, unlike.profiles[1], table))
+        assert (told({"wheel.mass": [5.0]}, [1.0, np.pi, 1.0], measured) is None) == (
+            period == pitch
+        )
 
 
 def test_a_phase_of_the_long_run_that_does_not_count_is_refused():

@@ -16,8 +16,8 @@ JUDGES = {  # by `Diagnosis.confirmed_on`
     "held-out": Judges(
         "held-out runs",
         "and held-out runs confirm it",
-        "Held-out runs are never fitted, but for their start: where wheels without encoder stand, "
-        "and the motion there.",
+        "Held-out runs are never fitted, but for their start (where wheels without encoder stand, "
+        "and the motion there) and, where the notes tell them, the offsets of their clocks.",
         "a run that was not fitted",
     ),
     "blocks": Judges(

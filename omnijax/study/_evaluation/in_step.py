@@ -69,7 +69,7 @@ def _once_a_turn(rig: Rig) -> Bool[np.ndarray, " n"]:
     """Whether something of a wheel comes once a turn, beside its rollers."""
     laws = [x for x in rig.at("shape") if isinstance(x.law, WheelRunout | DamagedRoller)]
     return np.array([
-        isinstance(profile, TableShape) or any(i in x.wheels for x in laws)
+        (isinstance(profile, TableShape) and profile.whole_turn) or any(i in x.wheels for x in laws)
         for i, profile in enumerate(rig.profiles)
     ])  # fmt: skip
 
