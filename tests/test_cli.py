@@ -12,7 +12,7 @@ import pytest
 from omnijax import __version__, cli
 from omnijax._errors import InputError, RunError, require
 from omnijax.cli import COMMANDS, _frame, build_app, run
-from omnijax.cli._tokens import understood
+from omnijax.cli._console.tokens import understood
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig, parse_rig, rig_text
 
@@ -331,7 +331,7 @@ def test_a_missing_extra_is_named_with_its_command():
 
 
 def test_json_holds_no_nan(capsys):
-    from omnijax.cli._options import emit
+    from omnijax.cli._inputs.options import emit
 
     emit(True, {"a": [float("nan"), 1.0], "b": {"c": float("inf")}, "d": (1, "x", None, True)}, str)
     assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail) == {

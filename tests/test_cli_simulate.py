@@ -9,7 +9,7 @@ import pytest
 
 from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording, simulation
 from omnijax._files import pieces_folder
-from omnijax.cli._simulate_summary import not_believed
+from omnijax.cli._simulate.summary import not_believed
 from omnijax.dynamics import mobility
 from omnijax.simulation._solve import solve as _solve
 

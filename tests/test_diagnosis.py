@@ -19,7 +19,7 @@ from omnijax.diagnosis._answer.near_laws import near_laws
 from omnijax.diagnosis._answer.rig_evidence import RigEvidence
 from omnijax.diagnosis._answer.term_fit import TermFit
 from omnijax.diagnosis._machine import RigModel, said_of_outliers
-from omnijax.diagnosis._machine.candidates import untried
+from omnijax.diagnosis._machine._candidates.candidates import untried
 from omnijax.diagnosis._search import Point, tangent_rows
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case

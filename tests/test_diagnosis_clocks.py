@@ -11,6 +11,8 @@ from test_plant import GROUPS, recorded, runs_of
 
 from benchmarks.hidden_effects import cases, sensors
 from omnijax.diagnosis import Point, RigModel, diagnose
+from omnijax.diagnosis._machine._elastic.elastic import OUTPUTS, linear_states, outputs_of
+from omnijax.diagnosis._machine._elastic.late import late_outputs
 from omnijax.diagnosis._machine.clocks import (
     LoggerClock,
     clock_priors,
@@ -19,8 +21,6 @@ from omnijax.diagnosis._machine.clocks import (
     read_late,
     with_clocks,
 )
-from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_of
-from omnijax.diagnosis._machine.late import late_outputs
 from omnijax.diagnosis._machine.machine import Predicted
 from omnijax.diagnosis._search import Effect, tangent_rows, to_project
 from omnijax.diagnosis._search.fit import refits_about

@@ -9,14 +9,14 @@ import pytest
 from scipy.signal import lsim
 from seeds import drawn_anew
 
-from omnijax.diagnosis._machine import outliers
-from omnijax.diagnosis._machine.candidates import candidates
-from omnijax.diagnosis._machine.elastic import rig_modes
-from omnijax.diagnosis._machine.modes import forced, propagate
-from omnijax.diagnosis._machine.outliers import at_limits, spikes
+from omnijax.diagnosis._machine._candidates.candidates import candidates
+from omnijax.diagnosis._machine._candidates.unit_laws import Context
+from omnijax.diagnosis._machine._elastic.elastic import rig_modes
+from omnijax.diagnosis._machine._elastic.modes import forced, propagate
+from omnijax.diagnosis._machine._motion.smooth import smooth
+from omnijax.diagnosis._machine._preparation import outliers
+from omnijax.diagnosis._machine._preparation.outliers import at_limits, spikes
 from omnijax.diagnosis._machine.rig_model import RigModel
-from omnijax.diagnosis._machine.smooth import smooth
-from omnijax.diagnosis._machine.unit_laws import Context
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 

@@ -19,9 +19,9 @@ from omnijax.diagnosis._answer.gap import gaps
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import _excess, _floor, judge, squares
 from omnijax.diagnosis._answered import _judged, explained
-from omnijax.diagnosis._machine.data_vector import ELASTIC_CHANNELS, DataRows, _filters
+from omnijax.diagnosis._machine._noise.data_vector import ELASTIC_CHANNELS, DataRows, _filters
+from omnijax.diagnosis._machine._preparation.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.rig_model import RigModel
-from omnijax.diagnosis._machine.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import Assumed, _one, step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence

@@ -12,10 +12,10 @@ from test_plant import load_plant, runs_of
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis._answer import RigEvidence
-from omnijax.diagnosis._machine.encoders import smoother_modes, whitener
+from omnijax.diagnosis._machine._motion.smooth import smooth
+from omnijax.diagnosis._machine._noise.encoders import smoother_modes, whitener
+from omnijax.diagnosis._machine._preparation.start_angles import with_start_angles
 from omnijax.diagnosis._machine.runs import Run
-from omnijax.diagnosis._machine.smooth import smooth
-from omnijax.diagnosis._machine.start_angles import with_start_angles
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.held_out import HeldOut
@@ -139,7 +139,7 @@ def test_fitted_runs_are_asked_of_their_readings_without_held_out_ones(machines,
     runs = noisy(tables, noise, np.random.default_rng(8), "held-out")
     model, asked = RigModel(rig, runs, noise, dict(EFFECTS)), []
     monkeypatch.setattr(
-        import_module("omnijax.diagnosis._machine.locate"), "on_reading",
+        import_module("omnijax.diagnosis._machine._where.locate"), "on_reading",
         lambda label, left, read, *rest: asked.append((label, [len(x) for x in read])),
     )  # fmt: skip
     evidence = RigEvidence(model, noise, [])

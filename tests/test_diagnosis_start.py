@@ -13,7 +13,7 @@ from test_plant import load_plant, recorded
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis._machine import machine, wheel_tables
-from omnijax.diagnosis._machine.motion import integrate
+from omnijax.diagnosis._machine._motion.motion import integrate
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.refits import Refits

@@ -10,12 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from seeds import drawn_anew
 
-from omnijax.diagnosis._machine.elastic import OUTPUTS, rig_modes, signal_names
-from omnijax.diagnosis._machine.motion import RunMotion, angles_of
-from omnijax.diagnosis._machine.rotation import MeasuredTurning
+from omnijax.diagnosis._machine._elastic.elastic import OUTPUTS, rig_modes, signal_names
+from omnijax.diagnosis._machine._elastic.stepped import Lane, law_changes, stepped_ports
+from omnijax.diagnosis._machine._motion.motion import RunMotion, angles_of
+from omnijax.diagnosis._machine._motion.wheels import wheel_tables
+from omnijax.diagnosis._machine._rotation.rotation import MeasuredTurning
 from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
-from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
-from omnijax.diagnosis._machine.wheels import wheel_tables
 from omnijax.dynamics import Rolling, drive_forces, rotation_response, sphere_velocity, wheel_shape
 from omnijax.laws import EFFECTS, ContinuousSine, GatedSine, HalfSine, Rollers
 from omnijax.rig import load_rig

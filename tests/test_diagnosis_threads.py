@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis import _threads as threads
 from omnijax.diagnosis._machine import machine as rig_machine
-from omnijax.diagnosis._machine import stepped
+from omnijax.diagnosis._machine._elastic import stepped
 from omnijax.diagnosis._machine.stage_cache import ASIDE, StageCache
 from omnijax.diagnosis._search import Candidate, Signatures, tangent_rows
 from omnijax.diagnosis._threads import cores, each

@@ -11,8 +11,8 @@ from omnijax.diagnosis import Diagnosis, OutputGap, Point
 from omnijax.diagnosis._answer import RigEvidence, Verdict, gaps, noise_remarks, noise_table, notes
 from omnijax.diagnosis._answer.answer import baseline_table
 from omnijax.diagnosis._answer.shown import Shown
+from omnijax.diagnosis._machine._preparation.roles import that_tell_their_motion
 from omnijax.diagnosis._machine.clocks import clock_priors
-from omnijax.diagnosis._machine.roles import that_tell_their_motion
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search import Effect, Level, Prior
 from omnijax.report import Page, provenance

@@ -7,7 +7,11 @@ import pytest
 
 from omnijax import InputError, get_parameter
 from omnijax.cli import run
-from omnijax.diagnosis._machine.uncertain import rig_priors, with_parameters, with_sensors
+from omnijax.diagnosis._machine._candidates.uncertain import (
+    rig_priors,
+    with_parameters,
+    with_sensors,
+)
 from omnijax.rig import load_rig, rig_text, save_rig
 from omnijax.rig._directions import unit_vectors
 

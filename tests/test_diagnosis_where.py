@@ -7,8 +7,8 @@ from scipy.stats import kstest
 from seeds import drawn_anew
 
 from omnijax.diagnosis._answer.shown import _beside
-from omnijax.diagnosis._machine.left_motion import accelerating, rolled
-from omnijax.diagnosis._machine.locate import changing
+from omnijax.diagnosis._machine._where.left_motion import accelerating, rolled
+from omnijax.diagnosis._machine._where.locate import changing
 from omnijax.diagnosis._search import where
 from omnijax.diagnosis._search.levels import Level
 from omnijax.diagnosis._search.readings import in_all_runs, on_reading

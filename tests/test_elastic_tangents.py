@@ -8,7 +8,7 @@ from seeds import drawn_anew
 from test_plant import recorded, runs_of
 
 from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._machine.locate import _tangents
+from omnijax.diagnosis._machine._where.locate import _tangents
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search import Effect, tangent_rows
 from omnijax.laws import EFFECTS

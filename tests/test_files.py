@@ -168,7 +168,7 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(
     import numpy as np
 
     from omnijax import load_trajectory, read_recording
-    from omnijax.cli._simulate_run import StoredPieces
+    from omnijax.cli._simulate.run import StoredPieces
 
     class Killed(BaseException):
         """What no command can answer."""

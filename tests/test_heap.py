@@ -9,7 +9,7 @@ CODE = """
 import resource, sys
 import numpy as np
 if sys.argv[1] == "kept":
-    from omnijax.cli._heap import keep_freed_memory
+    from omnijax.cli._console.heap import keep_freed_memory
     keep_freed_memory()
 np.ones(2_000_000)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -32,7 +32,7 @@ def test_freed_memory_is_not_cleared_again():
 
 GIVEN = """
 import numpy as np
-from omnijax.cli._heap import give_back_freed_memory, keep_freed_memory
+from omnijax.cli._console.heap import give_back_freed_memory, keep_freed_memory
 
 def held():
     with open("/proc/self/status") as lines:

@@ -14,10 +14,10 @@ from drawn_rigs import any_laws, any_rig, any_sensors, torque_size, with_laws
 from seeds import drawn_anew
 from tiers import tiered
 
-from omnijax.diagnosis._machine.elastic import refine, rig_modes
+from omnijax.diagnosis._machine._elastic.elastic import refine, rig_modes
+from omnijax.diagnosis._machine._motion.wheels import _heights as shape_programs
 from omnijax.diagnosis._machine.machine import Machine
 from omnijax.diagnosis._machine.runs import FINE, Run
-from omnijax.diagnosis._machine.wheels import _heights as shape_programs
 from omnijax.laws import EFFECTS, DualRow
 from omnijax.rig import get_parameter, load_rig, set_parameter
 from omnijax.simulation import measured, simulate, table, torques

@@ -11,7 +11,7 @@ from seeds import drawn_anew
 from omnijax import METRICS, InputError, evaluate, load_rig, simulate, speeds
 from omnijax._cubic import cubic_peak
 from omnijax._status import Status
-from omnijax.cli._simulate_summary import summarise
+from omnijax.cli._simulate.summary import summarise
 from omnijax.simulation import RunChannels
 from omnijax.study import load_study
 from omnijax.study._evaluation.evaluation import margin_status

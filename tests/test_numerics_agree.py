@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from omnijax.diagnosis._machine.elastic import rig_modes
-from omnijax.diagnosis._machine.modes import hold_weights
-from omnijax.diagnosis._machine.motion import attitude
-from omnijax.diagnosis._machine.stepped import step_matrices
+from omnijax.diagnosis._machine._elastic.elastic import rig_modes
+from omnijax.diagnosis._machine._elastic.modes import hold_weights
+from omnijax.diagnosis._machine._elastic.stepped import step_matrices
+from omnijax.diagnosis._machine._motion.motion import attitude
 from omnijax.dynamics import quaternion_of, quaternion_product, rotation_matrix
 from omnijax.rig import load_rig
 from omnijax.simulation._solve.phi import phi_functions

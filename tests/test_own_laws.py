@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from omnijax import InputError, cli, diagnose, laws, load_laws, load_rig, save_rig, simulate, speeds
-from omnijax.diagnosis._machine.behind import changed_beside_delays
+from omnijax.diagnosis._machine._laws.behind import changed_beside_delays
+from omnijax.diagnosis._machine._laws.laws import on_time, readings, remembers
 from omnijax.diagnosis._machine.clocks import late_by, offset_of
-from omnijax.diagnosis._machine.laws import on_time, readings, remembers
 from omnijax.diagnosis._ode.before import Before, matters, memories_at
 from omnijax.diagnosis._ode.known import memories
 from omnijax.dynamics import sensor_readings, wheel_shape

@@ -8,9 +8,9 @@ from machines import machine
 from seeds import drawn_anew
 from test_modal import cone, hidden, maker, mixed, points_of
 
-from omnijax.simulation._modal.moments import moments_of, slope_square
-from omnijax.simulation._modal.phases import cycle_of, phases_of, response, spot_on, wide
-from omnijax.simulation._modal.poles import PolePairs
+from omnijax.simulation._modal._long_run.moments import moments_of, slope_square
+from omnijax.simulation._modal._long_run.phases import cycle_of, phases_of, response, spot_on, wide
+from omnijax.simulation._modal._poles.poles import PolePairs
 from omnijax.simulation._modal.system import How, designs_of
 
 pytestmark = pytest.mark.long

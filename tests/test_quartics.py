@@ -9,8 +9,8 @@ import pytest
 import scipy.linalg
 from seeds import drawn_anew
 
-from omnijax.simulation._modal.poles import _decomposed
-from omnijax.simulation._modal.quartics import block_poles
+from omnijax.simulation._modal._poles.poles import _decomposed
+from omnijax.simulation._modal._poles.quartics import block_poles
 
 COUNT = 64
 EPS = np.finfo(float).eps

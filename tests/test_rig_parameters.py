@@ -13,7 +13,7 @@ from seeds import drawn_anew
 
 from omnijax.cli._starter import EXAMPLES
 from omnijax.cli._starter import rig_text as starter
-from omnijax.cli._study_starter import template
+from omnijax.cli._studies.starter import template
 from omnijax.laws import EFFECTS, AirDrag, BearingViscous, Creep
 from omnijax.rig import (
     InputError,

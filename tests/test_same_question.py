@@ -13,8 +13,8 @@ from seeds import drawn_anew
 from omnijax import InputError, laws, load_rig, steady_state, sweep
 from omnijax._errors import DataWarning
 from omnijax.cli import run
-from omnijax.cli._drive import asked, studied
-from omnijax.cli._motion import MotionOptions
+from omnijax.cli._inputs.drive import asked, studied
+from omnijax.cli._inputs.motion import MotionOptions
 from omnijax.laws import FloorVibration, TableShape, WheelRunout
 from omnijax.rig import parse_rig, put_parameter, rig_text, save_rig
 from omnijax.simulation import TorqueDrive, speeds

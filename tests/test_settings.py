@@ -19,19 +19,19 @@ ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas
     "_answer/learned_shapes.py": {5},  # of spherical harmonics
     "_answer/pictures.py": {0.2, 0.26, 0.38, 0.9, 3, 100},
     "_answer/sizes.py": {"POINTS"},
-    "_machine/encoders.py": {"CHUNK", 16},
+    "_machine/_noise/encoders.py": {"CHUNK", 16},
     # the series of phi functions, and where it serves; tables kept
-    "_machine/modes.py": {1e-3, 3, 24, 120, "KEPT"},
+    "_machine/_elastic/modes.py": {1e-3, 3, 24, 120, "KEPT"},
     "_machine/machine.py": {"READINGS", "TABLES"},
-    "_machine/orders.py": {"TOGETHER"},
-    "_machine/outliers.py": {5},  # times that are printed
-    "_machine/recipes.py": {1.5},  # of P2
+    "_machine/_where/orders.py": {"TOGETHER"},
+    "_machine/_preparation/outliers.py": {5},  # times that are printed
+    "_machine/_candidates/recipes.py": {1.5},  # of P2
     "_machine/rig_model.py": {"TOGETHER"},
     "_machine/stage_cache.py": {"ASIDE", "MOST"},
-    "_machine/stepped.py": {"BLOCK", "LANES"},
-    "_machine/tangents.py": {"LANES"},
+    "_machine/_elastic/stepped.py": {"BLOCK", "LANES"},
+    "_machine/_signatures/tangents.py": {"LANES"},
     "_machine/tree_hash.py": {16},
-    "_machine/uncertain.py": {"POLE"},  # where a wheel has no azimuth
+    "_machine/_candidates/uncertain.py": {"POLE"},  # where a wheel has no azimuth
     "_noise.py": {12},  # variance of a rounded number
     "_ode/batches.py": {"PARTS"},
     "_ode/evaluation.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},

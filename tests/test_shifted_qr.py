@@ -10,9 +10,9 @@ import scipy.linalg
 import scipy.stats
 from seeds import drawn_anew
 
-from omnijax.simulation._modal import shifted_qr
-from omnijax.simulation._modal.poles import _decomposed
-from omnijax.simulation._modal.shifted_qr import decomposed
+from omnijax.simulation._modal._poles import shifted_qr
+from omnijax.simulation._modal._poles.poles import _decomposed
+from omnijax.simulation._modal._poles.shifted_qr import decomposed
 
 COUNT = 48
 EPS = np.finfo(float).eps

@@ -13,12 +13,14 @@ from test_plant import recorded
 from tiers import tiered
 
 from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._machine import orders, tangents, to_run, with_roles
-from omnijax.diagnosis._machine.candidates import untried
-from omnijax.diagnosis._machine.data_vector import orthonormal
-from omnijax.diagnosis._machine.orders import strongest_orders
+from omnijax.diagnosis._machine import to_run, with_roles
+from omnijax.diagnosis._machine._candidates.candidates import untried
+from omnijax.diagnosis._machine._noise.data_vector import orthonormal
+from omnijax.diagnosis._machine._signatures import tangents
+from omnijax.diagnosis._machine._signatures.tangents import LANES, signature, signatures
+from omnijax.diagnosis._machine._where import orders
+from omnijax.diagnosis._machine._where.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import TOLD, sums_of
-from omnijax.diagnosis._machine.tangents import LANES, signature, signatures
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS, ContinuousSine, WheelRunout

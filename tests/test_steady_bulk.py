@@ -19,7 +19,7 @@ from benchmarks import _omnijax as ours
 from benchmarks import _problem as problem
 from omnijax import laws
 from omnijax.simulation import Operating, modal_steady_obstacle, steady_state
-from omnijax.simulation._modal import supremum
+from omnijax.simulation._modal._long_run import supremum
 from omnijax.simulation._modal.batch import FEW
 from omnijax.simulation._steady import sphere
 from omnijax.vibration import (

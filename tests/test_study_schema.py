@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnijax.cli._frame import run
-from omnijax.cli._study_starter import study_text
+from omnijax.cli._studies.starter import study_text
 from omnijax.cli.init import Studies
 from omnijax.rig import InputError, load_rig, parameter_info
 from omnijax.study import load_study, parse_study, study_schema

@@ -27,7 +27,7 @@ from omnijax import (
 )
 from omnijax._errors import DataWarning
 from omnijax._netcdf import load_netcdf
-from omnijax.cli._simulate_run import perform, planned
+from omnijax.cli._simulate.run import perform, planned
 from omnijax.simulation import ramp, table, to_recording
 
 

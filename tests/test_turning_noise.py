@@ -11,10 +11,10 @@ from tiers import tiered
 
 from benchmarks.hidden_effects.cases import drawn
 from benchmarks.hidden_effects.sensors import TURNING
-from omnijax.diagnosis._machine.data_vector import DataRows, make_rows
+from omnijax.diagnosis._machine._noise.data_vector import DataRows, make_rows
+from omnijax.diagnosis._machine._noise.turning_noise import RunWaves, TurningNoise
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.runs import Run, with_noise
-from omnijax.diagnosis._machine.turning_noise import RunWaves, TurningNoise
 from omnijax.diagnosis._search import Effect, Point, Search
 from omnijax.diagnosis._settings import SETTINGS
 

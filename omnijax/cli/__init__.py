@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 QUIET = "3"
 
 _LAZY: dict[str, str] = {name: "._frame" for name in ("run", "build_app", "COMMANDS")}
-_LAZY |= {name: "._options" for name in ("Json", "emit")}
+_LAZY |= {name: "._inputs" for name in ("Json", "emit")}
 
 
 def main(tokens: list[str] | None = None) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from .._text import listed
 from ..rig import FACTS, open_paths
-from ._table import columns, paragraph
+from ._console import columns, paragraph
 
 
 def lines(name: str, summary: dict[str, Any]) -> Iterator[str]:

@@ -20,10 +20,8 @@ from .._consent import law_files
 from .._errors import DataWarning, InputError, RunError, brief, in_users_program, nearest
 from .._files import command
 from .._interrupts import NOTHING, answer, exit_code, interrupted
-from ._options import read_force
-from ._plain import PLAIN
-from ._progress import waiting
-from ._tokens import flowing, understood
+from ._console import PLAIN, flowing, understood, waiting
+from ._inputs import read_force
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ._table import paragraph
+from ._console import paragraph
 
 SHOWN = 5  # failed designs that are listed
 

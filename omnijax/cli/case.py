@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from ._options import Force
+from ._inputs import Force
 
 
 def case(

@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from ._axis import machine_summary
-from ._options import Json, emit
-from ._study import study_summary
+from ._inputs import Json, emit, machine_summary
+from ._studies import study_summary
 
 
 def check(rig: str, /, *, json: Json = False) -> int:
@@ -21,7 +20,7 @@ def check(rig: str, /, *, json: Json = False) -> int:
         A rig file, the name of a bundled rig (atlas, atlas-tripod), a machine file, or a study.
     """
     from .._errors import InputError
-    from ._kind import file_kind
+    from ._inputs import file_kind
 
     kind = file_kind(rig)
     try:
@@ -38,9 +37,9 @@ def check(rig: str, /, *, json: Json = False) -> int:
 def _lines(kind: str) -> Callable[[str, dict[str, Any]], Iterator[str]]:
     """What tells people of a file; imported when its reading has not failed."""
     if kind == "machine":
-        from ._axis import machine_lines as lines
+        from ._inputs import machine_lines as lines
     elif kind == "study":
-        from ._study import study_lines as lines
+        from ._studies import study_lines as lines
     else:
         from ._check_text import lines
     return lines

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ._options import check_ending
-from ._study_page import Results, finish, worked
+from ._inputs import check_ending
+from ._studies import Results, finish, worked
 
 
 def design(

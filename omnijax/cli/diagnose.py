@@ -7,8 +7,8 @@ from cyclopts import Parameter
 
 from .._files import claim, write_text
 from .._reading import existing
-from ._heap import give_back_freed_memory, keep_freed_memory
-from ._options import Force, Json, Whole, above_zero, command_line, emit
+from ._console import give_back_freed_memory, keep_freed_memory
+from ._inputs import Force, Json, Whole, above_zero, command_line, emit
 
 WINDOW = 1.0  # s
 

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from ._options import Json, emit
-from ._table import paragraph
+from ._console import paragraph
+from ._inputs import Json, emit
 
 
 def effects(name: str | None = None, /, *, json: Json = False) -> None:

@@ -4,8 +4,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ._options import Whole, number, numbers
-from ._study_starter import usual_speeds
+from ._inputs import Whole, number, numbers
+from ._studies import usual_speeds
 
 
 def explore(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from .._files import claim
 from .._reading import existing
-from ._options import Force, Json, emit
+from ._inputs import Force, Json, emit
 
 
 def export(store: Path, file: Path, /, *, force: Force = False, json: Json = False) -> int:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._study_page import Results, finish, worked
+from ._studies import Results, finish, worked
 
 
 def global_sensitivity(

@@ -9,9 +9,9 @@ from cyclopts import Parameter
 
 from .._errors import InputError
 from .._files import claim, write_bytes
-from ._options import Force, MaybeWhole, check_ending, number
+from ._inputs import Force, MaybeWhole, check_ending, number
 from ._starter import EXAMPLES, rig_text, starter
-from ._study_starter import study_text, template
+from ._studies import study_text, template
 
 Studies = Literal["sweep", "sensitivity", "design", "pareto", "tolerances", "global-sensitivity"]
 

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from .._files import claim
 from .._reading import existing
-from ._options import Force, Json, command_line, emit
-from ._table import columns
+from ._console import columns
+from ._inputs import Force, Json, command_line, emit
 
 TRACKED = 4  # orders followed where none are asked for
 

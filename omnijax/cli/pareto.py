@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._study_page import Results, finish, worked
+from ._studies import Results, finish, worked
 
 
 def pareto(
@@ -50,7 +50,7 @@ def _print(front: Any) -> None:
     import numpy as np
 
     from .._text import scaled
-    from ._table import columns, paragraph
+    from ._console import columns, paragraph
 
     for sentence in front.sentences():
         print(paragraph(sentence))

@@ -7,9 +7,7 @@ from cyclopts import Parameter
 
 from .._files import claim
 from .._reading import existing
-from ._axis import replay_axis
-from ._kind import file_kind
-from ._options import Force, Json, check_ending, emit
+from ._inputs import Force, Json, check_ending, emit, file_kind, replay_axis
 
 
 def replay(

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ._options import Force, Json, Whole, emit
+from ._inputs import Force, Json, Whole, emit
 
 
 def reproduce(

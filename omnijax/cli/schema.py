@@ -2,7 +2,7 @@
 
 import json
 
-from ._study_page import Switch
+from ._studies import Switch
 
 
 def schema(*, study: Switch = False, machine: Switch = False) -> None:

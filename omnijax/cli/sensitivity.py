@@ -6,12 +6,17 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from .._files import claim
-from ._axis import refuse, sensitivity_axis
-from ._kind import file_kind
-from ._motion import MotionOptions
-from ._options import Json, Overwrite, Whole, check_ending
-from ._study import asked_of
-from ._study_page import Switch, deliver, made_by_rig
+from ._inputs import (
+    Json,
+    MotionOptions,
+    Overwrite,
+    Whole,
+    check_ending,
+    file_kind,
+    refuse,
+    sensitivity_axis,
+)
+from ._studies import Switch, asked_of, deliver, made_by_rig
 
 
 def sensitivity(
@@ -122,7 +127,7 @@ def _print(result: Any, per_wheel: bool, top: int) -> None:
     from rich.table import Table
 
     from .._text import quantity_text
-    from ._table import paragraph
+    from ._console import paragraph
 
     console = Console(markup=False, highlight=False)
     console.print(f"{result.how}; change of the metric in % per % of the parameter")

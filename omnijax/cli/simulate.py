@@ -9,14 +9,23 @@ from typing import Any, NamedTuple
 from .._files import claim
 from .._interrupts import NOTHING, resumable
 from .._reading import existing
-from ._axis import refuse, simulate_machine
-from ._drive import AskedDrive, asked
-from ._kind import file_kind
-from ._motion import MotionOptions, NumericsOptions
-from ._options import PICTURES, Json, Overwrite, check_ending, command_line, emit
-from ._simulate_compare import compared, differences, lay_over
-from ._simulate_summary import show, summarise
-from ._table import paragraph
+from ._console import paragraph
+from ._inputs import (
+    PICTURES,
+    AskedDrive,
+    Json,
+    MotionOptions,
+    NumericsOptions,
+    Overwrite,
+    asked,
+    check_ending,
+    command_line,
+    emit,
+    file_kind,
+    refuse,
+    simulate_machine,
+)
+from ._simulate import compared, differences, lay_over, show, summarise
 
 
 def simulate(
@@ -141,7 +150,7 @@ class Begun(NamedTuple):
 
     def run(self) -> Any:
         """The run, computed as far as it is not there."""
-        from ._simulate_run import perform
+        from ._simulate import perform
 
         return perform(self.plan, self.pieces) if self.whole is None else self.whole
 
@@ -160,7 +169,7 @@ def _begin(
     resume: bool,
     force: bool,
 ) -> Begun:
-    from ._simulate_run import StoredPieces, asked_of, planned, whole_run
+    from ._simulate import StoredPieces, asked_of, planned, whole_run
 
     out = files.out
     plan = planned(rig, asked.drive, asked.times, numerics)

@@ -9,12 +9,22 @@ from cyclopts import Parameter
 from .._errors import InputError
 from .._files import claim, writing
 from .._interrupts import resumable
-from ._axis import refuse, sweep_axis
-from ._kind import file_kind
-from ._motion import MotionOptions, NumericsOptions
-from ._options import PICTURES, Json, MaybeWhole, Overwrite, Whole, check_ending, command_line, emit
-from ._study import AskedStudy, asked_of
-from ._study_page import Switch
+from ._inputs import (
+    PICTURES,
+    Json,
+    MaybeWhole,
+    MotionOptions,
+    NumericsOptions,
+    Overwrite,
+    Whole,
+    check_ending,
+    command_line,
+    emit,
+    file_kind,
+    refuse,
+    sweep_axis,
+)
+from ._studies import AskedStudy, Switch, asked_of
 from ._sweep_summary import show, summarise
 
 

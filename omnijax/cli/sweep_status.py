@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from .._reading import existing
-from ._options import Json, MaybeWhole, emit
+from ._inputs import Json, MaybeWhole, emit
 
 
 def sweep_status(store: Path, /, *, rerun: MaybeWhole = None, json: Json = False) -> int:

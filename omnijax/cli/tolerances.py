@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Whole
-from ._study_page import Results, finish, worked
+from ._inputs import Whole
+from ._studies import Results, finish, worked
 
 
 def tolerances(

@@ -13,50 +13,62 @@ from ...rig import Rig
 from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .._threads import each
-from .behind import folds
-from .clocks import at_run, offset_of, only_delays
-from .data_vector import DataRows
-from .dual_rows import shares_behind, two_rows
-from .elastic import (
+from ._elastic import (
     OUTPUTS,
     SIGNALS,
+    Change,
     ElasticPorts,
+    ElasticTangents,
+    Lane,
+    OutputModes,
+    acts,
+    approach_changes,
     elastic_ports,
     felt,
+    finer,
+    late_outputs,
+    law_changes,
+    law_pulls,
     linear_states,
+    mode_changes,
     outputs_of,
     refine,
     rig_modes,
+    stepped_ports,
 )
-from .elastic_tangents import ElasticTangents, mode_changes
-from .late import finer, late_outputs
-from .laws import moving_readings, on_time, readings, remembers
-from .modes import OutputModes, acts
-from .motion import (
+from ._laws import folds, moving_readings, on_time, readings, remembers
+from ._motion import (
     RunMotion,
+    WheelTables,
     angles_of,
     groups_of_motion,
     integrate,
+    likeliest,
     measured_lengths,
     motion,
     rolling_radius,
+    shares_behind,
+    smooth,
+    two_rows,
+    wheel_tables,
 )
-from .noise_model import rolling_state, rows_of
-from .observer import held_turning, needs_observer, observed_turning, path_along
-from .rotation import (
+from ._noise import DataRows, rolling_state, rows_of
+from ._rotation import (
     MeasuredTurning,
     attitude_matters,
     commanded,
+    held_turning,
+    needs_observer,
+    observed_turning,
+    path_along,
     rotation_moments,
     run_torques,
     turning,
 )
+from .clocks import at_run, offset_of, only_delays
 from .runs import ELASTIC, FINE, SHAPE, STEPS, Run
-from .smooth import likeliest, smooth
 from .stage_cache import StageCache
-from .stepped import Change, Lane, approach_changes, law_changes, law_pulls, stepped_ports
 from .tree_hash import digest
-from .wheels import WheelTables, wheel_tables
 
 ANGLE_NOISE = SETTINGS.prediction.angle_noise
 # ports whose laws move the contacts' normal forces, beside those of the motion

@@ -25,24 +25,17 @@ from .._search import (
 )
 from .._settings import SETTINGS
 from .._threads import each
-from .candidates import candidates
+from ._candidates import Context, candidates, rig_priors, with_parameters, with_sensors
+from ._elastic import LANES, elastic_number
+from ._noise import ELASTIC_CHANNELS, DataRows, RunWaves, TurningNoise, rotation_channels
+from ._preparation import by_parts, readmitted, said_of_outliers, split_runs, with_start_angles
+from ._signatures import Linearisation, base_of, signatures
+from ._where import strongest_orders
 from .clocks import READ_LATE, beside_mean, clock_priors, with_clocks
-from .data_vector import ELASTIC_CHANNELS, DataRows, rotation_channels
-from .elastic_tangents import elastic_number
-from .linearisation import Linearisation, base_of
 from .machine import Machine
-from .orders import strongest_orders
-from .outliers import readmitted, said_of_outliers
 from .own_clocks import fit_clocks
-from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
-from .start_angles import with_start_angles
-from .stepped import LANES
-from .tangents import signatures
 from .tree_hash import digest
-from .turning_noise import RunWaves, TurningNoise
-from .uncertain import rig_priors, with_parameters, with_sensors
-from .unit_laws import Context
 
 BUDGET = SETTINGS.rig_model.budget
 LINEAR = SETTINGS.rig_model.linear

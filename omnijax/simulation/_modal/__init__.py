@@ -1,5 +1,7 @@
 """The modal core: figures of many linear rigs at once, from their poles and residues."""
 
+from ._long_run import FilterPoles as FilterPoles
+from ._long_run import SteadyFigures as SteadyFigures
 from .bulk import ModalFigures as ModalFigures
 from .bulk import modal_figures as modal_figures
 from .bulk import modal_steady as modal_steady
@@ -10,6 +12,4 @@ from .obstacles import modal_obstacle as modal_obstacle
 from .obstacles import modal_steady_obstacle as modal_steady_obstacle
 from .runs import RunChannels as RunChannels
 from .runs import channels_of as channels_of
-from .steady_figures import SteadyFigures as SteadyFigures
-from .steady_filtered import FilterPoles as FilterPoles
 from .system import Operating as Operating

@@ -15,10 +15,10 @@ from ..._programs import kept
 from ...dynamics import held
 from ...laws import Rollers
 from ...rig import Placed, Rig
-from .decoupling import blocks_of, coupled, decoupled, turned_states
+from ._poles import blocks_of, coupled, decoupled, turned_states
+from .lanes import LANES
 from .signals import series_needed
 from .system import OUTPUTS, How, Layout, LinearDesign, Operating, design_of, designs_of
-from .transient import LANES
 
 FEW = 1024  # designs up to which the slowest code costs less than the second that compiling better
 # code takes (see `PLAIN`): 0.15 s more for values, 0.8 s with gradients, at every call

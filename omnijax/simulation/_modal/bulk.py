@@ -12,18 +12,15 @@ from jaxtyping import Array, Bool, Float
 from ..._compiling import Effort
 from ..._programs import kept
 from ..._root import root
+from ._long_run import LongRunTable, longest_period, outputs_asked, rows_asked, steady_of
+from ._poles import Answer, Coincidence, answered
+from ._transient import peak_sums, samples_of, slopes_of, sums_along
 from .batch import ready
-from .coincidence import Answer, Coincidence, answered
 from .gradient import half_root
 from .groups import of_groups
+from .lanes import Lanes
 from .obstacles import BULK_METRICS, modal_obstacle, modal_steady_obstacle
-from .output_sums import slopes_of
-from .peak import peak_sums
-from .phases import longest_period
-from .steady_figures import LongRunTable, outputs_asked, rows_asked, steady_of
-from .sums_along import sums_along
 from .system import OUTPUTS, Layout, LinearDesign, Operating
-from .transient import Lanes, samples_of
 
 MARGINS = 2  # normal force and grip, the last ones of the figures
 # XLA's best code of their gradients is slower: Atlas 205 us a design for 111, tripod 248 for 168,

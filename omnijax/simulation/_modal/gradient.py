@@ -24,11 +24,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ._poles import Eigen, unpacked, unpacked_inverse
 from .arithmetic import Pair, stored, summed
-from .poles import Eigen, unpacked, unpacked_inverse
+from .lanes import Lanes
 from .signals import Signals
 from .system import Layout, System
-from .transient import Lanes
 
 
 class Slopes(NamedTuple):

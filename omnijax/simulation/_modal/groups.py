@@ -8,11 +8,10 @@ import jax
 import jax.numpy as jnp
 
 from ..._compiling import on_cpu
-from .coincidence import Coincidence, coincidence
+from ._poles import Coincidence, Eigen, coincidence, eigen, modes_of
 from .gradient import pull_back
-from .poles import Eigen, eigen, modes_of
+from .lanes import LANES, Lanes
 from .system import Layout, LinearDesign
-from .transient import LANES, Lanes
 
 
 def of_groups(

@@ -12,15 +12,14 @@ from ..._compiling import Effort
 from ..._programs import kept
 from ...rig import Rig
 from .._padding import room
+from ._poles import Answer, answered, coincidence, eigen
+from ._transient import LENGTH
 from .batch import DesignBatch, ready
-from .blocks import LENGTH
-from .coincidence import Answer, answered, coincidence
 from .groups import grouped, lanes_of, of_groups
+from .lanes import LANES, Lanes
 from .obstacles import modal_obstacle
-from .poles import eigen
 from .runs import RUN_OUTPUTS, outputs_of, run_slopes
 from .system import Layout, LinearDesign, Operating, output_rows
-from .transient import LANES, Lanes
 
 SHORT = 2048  # samples of short runs: 22 MB of 64 designs with three wheels
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ._poles import PolePairs
 from .arithmetic import Pair, materialised, product, quotient
-from .poles import PolePairs
 
 
 class Resonance(NamedTuple):

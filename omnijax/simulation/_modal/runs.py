@@ -13,14 +13,22 @@ from jaxtyping import Array, Float, Int
 
 from ..._compiling import on_cpu
 from ...rig import Rig
+from ._transient import (
+    LENGTH,
+    BlockTables,
+    OutputParts,
+    Walk,
+    WalkState,
+    Weights,
+    shown_by,
+    slopes_of,
+    stored_forced,
+    sums_along,
+)
 from .arithmetic import materialised
-from .blocks import LENGTH, BlockTables, OutputParts, Weights, shown_by, stored_forced
 from .gradient import Slopes
-from .output_sums import slopes_of
-from .sums_along import sums_along
+from .lanes import Lanes
 from .system import Layout, output_rows
-from .transient import Lanes
-from .walk import Walk, WalkState
 
 RUN_OUTPUTS = ("dR", "dR_rate", "dR_elastic", "a_sphere", "a", "normal_force", "drive_force")
 TOGETHER = 3  # outputs that one loop works out, as vectors have

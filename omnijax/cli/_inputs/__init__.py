@@ -1,0 +1,29 @@
+"""Options that commands share: outputs, speeds, drives, and rigs of one axis."""
+
+from .axis import machine_lines as machine_lines
+from .axis import machine_summary as machine_summary
+from .axis import refuse as refuse
+from .axis import replay_axis as replay_axis
+from .axis import sensitivity_axis as sensitivity_axis
+from .axis import simulate_machine as simulate_machine
+from .axis import sweep_axis as sweep_axis
+from .drive import AskedDrive as AskedDrive
+from .drive import Studied as Studied
+from .drive import asked as asked
+from .drive import studied as studied
+from .kind import file_kind as file_kind
+from .motion import MotionOptions as MotionOptions
+from .motion import NumericsOptions as NumericsOptions
+from .options import PICTURES as PICTURES
+from .options import Force as Force
+from .options import Json as Json
+from .options import MaybeWhole as MaybeWhole
+from .options import Overwrite as Overwrite
+from .options import Whole as Whole
+from .options import above_zero as above_zero
+from .options import check_ending as check_ending
+from .options import command_line as command_line
+from .options import emit as emit
+from .options import number as number
+from .options import numbers as numbers
+from .options import read_force as read_force

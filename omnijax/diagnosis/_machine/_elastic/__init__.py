@@ -1,0 +1,32 @@
+"""The elastic run under known wheel angles: exact in modes, stepped where laws are not linear."""
+
+from .elastic import OUTPUTS as OUTPUTS
+from .elastic import SIGNALS as SIGNALS
+from .elastic import ElasticPorts as ElasticPorts
+from .elastic import driven as driven
+from .elastic import elastic_ports as elastic_ports
+from .elastic import felt as felt
+from .elastic import linear_states as linear_states
+from .elastic import outputs_of as outputs_of
+from .elastic import refine as refine
+from .elastic import rest_state as rest_state
+from .elastic import rig_modes as rig_modes
+from .elastic_tangents import ElasticTangents as ElasticTangents
+from .elastic_tangents import elastic_number as elastic_number
+from .elastic_tangents import mode_changes as mode_changes
+from .late import finer as finer
+from .late import late_outputs as late_outputs
+from .modes import OutputModes as OutputModes
+from .modes import acts as acts
+from .modes import forced as forced
+from .modes import hold_weights as hold_weights
+from .modes import observe as observe
+from .modes import propagate as propagate
+from .modes import real_rows as real_rows
+from .stepped import LANES as LANES
+from .stepped import Change as Change
+from .stepped import Lane as Lane
+from .stepped import approach_changes as approach_changes
+from .stepped import law_changes as law_changes
+from .stepped import law_pulls as law_pulls
+from .stepped import stepped_ports as stepped_ports

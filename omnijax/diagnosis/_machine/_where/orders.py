@@ -1,0 +1,469 @@
+"""Orders of a wheel's angle that stand out in what is left of the rotation: a fine scan.
+
+A line of order N in the torque on shaft k turns the sphere by the integral of its response times
+exp(i N theta_k); a line in the current is one times the commanded torque.
+
+What a line has in common with the rows is a Fourier sum over one and the same series for all
+orders, the rows sent backwards through the response.  Between two samples the torque is the mean
+of the wave over the angle in between: a line may pass half the sampling rate where the wheel is
+fast.  What it changes in all is computed at some of the samples, and in full for the best.  It
+counts less what the model's own numbers would take up of it: where a wheel turns little or slowly
+they take up most of many a line, and a wrong order had stood above the right one.
+
+A torque on one shaft turns the sphere about nearly the same axis all the time: the sums over time
+are of that one number a sample, and what the rows hold follows from it.  So do all inner products:
+the rows themselves, several times as many, are never made.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from ..._orthonormal import orthonormal
+from ..._settings import SETTINGS
+from ..._threads import each
+from .._noise import DataRows
+from .._signatures import THIN, Linearisation
+from ..runs import FINE
+
+GRID = SETTINGS.rig_orders.grid
+CLOSER = SETTINGS.rig_orders.closer
+PEAKS = SETTINGS.rig_orders.peaks
+MOST = SETTINGS.rig_orders.most
+DENSE = SETTINGS.rig_orders.dense
+SPARSE = SETTINGS.rig_orders.sparse
+LOWEST = SETTINGS.rig_orders.lowest
+USUAL = SETTINGS.rig_orders.usual
+NEARLY_ANY = SETTINGS.rig_orders.nearly_any
+TOGETHER = 64  # orders computed at a time
+THINNED = SETTINGS.rig_orders.thinned
+LEFT = SETTINGS.rig_orders.left
+ROUGHLY = SETTINGS.rig_orders.roughly
+BEST = SETTINGS.rig_orders.best
+NEARLY = SETTINGS.rig_orders.nearly
+MANY = SETTINGS.rig_orders.many
+SLOWEST = SETTINGS.rig_orders.slowest
+STEPS = SETTINGS.rig_orders.steps
+ALIKE = SETTINGS.rig_orders.alike
+LAWS = ("motor-ripple", "current-ripple")
+
+Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
+
+
+def strongest_orders(
+    bases: Sequence[Linearisation], rests: Sequence[np.ndarray], rows: Sequence[DataRows],
+    taken: Sequence[np.ndarray] | None = None,
+) -> Orders:  # fmt: skip
+    """The orders of the strongest lines, and how many there were to choose from.
+
+    `rests` are the whitened rotation rows (samples, 3 + n) left in each base's run, `taken` by run
+    the directions (rows, k), orthonormal with those of the other rows, along which the model's own
+    numbers have taken up all they can.  Lines are compared by what they would explain of these
+    rows beside that.
+    """
+    taken = [np.zeros((x.size, 0)) for x in rests] if taken is None else taken
+    of_wheel = functools.partial(_strongest, bases, rests, rows, taken)
+    lines = each(of_wheel, range(bases[0].rig.size))
+    return {law: [of[law] for of in lines] for law in LAWS}
+
+
+def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float], int]]:
+    """By law the orders of wheel `k`, and of how many."""
+    grid = _grid(bases, k)
+    step, out = grid[1] - grid[0], {}
+    seen = _shaft_runs(bases, rests, rows, taken, k)
+    for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
+        some = np.array(_promising(grid, first, CLOSER * step))
+        gains_of = functools.partial(_gains, seen, law)
+        gains = gains_of(some)
+        order = np.argsort(gains)[::-1]
+        nearly = np.count_nonzero(gains > NEARLY * gains.max())
+        picked = order[: min(max(PEAKS, nearly), MANY)]
+        fine = _refined(some[picked], gains[picked], step / CLOSER, gains_of)
+        out[law] = _peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)
+    return out
+
+
+def _refined(
+    orders: np.ndarray, gains: np.ndarray, step: float, gains_of: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The best order about each of `orders`, and its gain: of a parabola through neighbours.
+
+    The right line may stand lower on a grid than a wrong one that lies on it.  A top is looked for
+    within two steps; where a neighbour is higher, between that one's own neighbours, since a
+    parabola that goes on beyond its points may miss by more than it gains.
+    """
+    near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST)
+    left, right = gains_of(near.ravel()).reshape(near.shape).T
+    up, down = right > np.maximum(gains, left), left > np.maximum(gains, right)
+    beyond = gains_of(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST))
+    middle = np.maximum(orders + (up.astype(float) - down) * step, LOWEST)
+    left, gains, right = (
+        np.where(up, gains, np.where(down, beyond, left)),
+        np.where(up, right, np.where(down, left, gains)),
+        np.where(up, beyond, np.where(down, gains, right)),
+    )
+    rise, bent = (right - left) / 2, left + right - 2 * gains
+    hollow = bent >= 0
+    way = np.where(hollow, np.sign(rise), -rise / np.where(hollow, 1.0, bent))
+    way = np.clip(way, -1, 1)
+    return np.maximum(middle + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
+
+
+def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.ndarray]:
+    """By law `_gains` over an even `grid`, the sizes of lines from `THINNED` samples.
+
+    The higher an order, the less of it the model's own numbers take up: what is left of a line
+    changes slowly there, and is the same of its cosine and its sine.
+    """
+    right = np.zeros((len(LAWS), len(grid), 2))
+    for base, rest, r in zip(bases, rests, rows, strict=True):
+        right += _in_common(base, rest, r, k, grid)
+    thinned = [_thinned(r, way) for r, way in zip(rows, taken, strict=True)]
+    own = np.eye(taken[0].shape[1])  # of the directions with each other, all other rows as they are
+    own += sum(few.T @ few - way.T @ way for few, way in zip(thinned, taken, strict=True))
+    left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), k)
+    dense = _dense(grid)
+    gains = [_explained(*x) for x in zip(left(grid[:dense]), right[:, :dense], strict=True)]
+    if dense == len(grid):
+        return gains
+    some, out = grid[dense::SPARSE], []
+    far = left(some, TOGETHER // SPARSE)
+    for near, size, along in zip(gains, far, right[:, dense:], strict=True):
+        sizes = np.interp(grid[dense:], some, np.trace(size, axis1=1, axis2=2) / 2)
+        gain = np.sum(along**2, axis=1) / np.maximum(sizes, 1e-300)
+        out.append(np.concatenate([near, gain]))
+    return out
+
+
+def _thinly_left(
+    bases, rows, thinned, root, k: int, grid: np.ndarray, together: int = TOGETHER
+) -> list[np.ndarray]:
+    """By law `_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
+
+    `thinned` are the directions there, `root` the Cholesky factor of their inner products.  The
+    mean between samples is that of the middle of orders `together`.
+    """
+    gram = np.zeros((len(LAWS), len(grid), 2, 2))
+    inside = np.zeros((len(LAWS), len(grid), 2, len(root)))
+    for base, r, few in zip(bases, rows, thinned, strict=True):
+        size, part = _sizes(base, r, few, k, grid, together)
+        gram, inside = gram + size, inside + part
+    inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, -1, -2)), -1, -2)
+    return [_left(*x, ROUGHLY) for x in zip(gram, inside, strict=True)]
+
+
+def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
+    """Directions (rotation rows, k) at `THINNED` samples, (fewer rows, k)."""
+    keep = _kept(rows)
+    few = taken.reshape(*rows.rotation.shape, taken.shape[1])[keep] * np.sqrt(THINNED)
+    few = few.reshape(len(keep) * rows.rotation.shape[1], taken.shape[1])
+    for part, q in _thinned_windows(rows, keep):
+        few[part] -= q @ (q.T @ few[part])
+    return few
+
+
+def _kept(rows: DataRows) -> np.ndarray:
+    """The samples that stand for `THINNED` ones."""
+    return np.arange(THINNED - 1, rows.samples // THINNED * THINNED, THINNED)
+
+
+def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray, together: int):
+    """Of each law's and line's cosine and sine, from `THINNED` samples: inner products (laws,
+    orders, 2, 2) with each other and (.., 2, k) with the directions `taken`.
+
+    Waves are in single precision: they tell which lines are looked at closely, no more.
+    """
+    h, samples = base.run.step, rows.samples // THINNED * THINNED
+    strength, ways = _strengths(base, k)
+    torques = np.concatenate([f[:, None] * strength for f in _factors(base, k)], axis=1)[:samples]
+    torques = torques.reshape(-1, THINNED, torques.shape[1]).astype(np.float32)
+    axes = _axes(base)
+    axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
+    theta, passed = (x[:samples] for x in _passing(base, k))
+    keep = _kept(rows)
+    weight = rows.rotation[keep] * np.sqrt(THINNED)
+    shown = _Shown.of(ways, axes, (h, h * THINNED), weight, _thinned_windows(rows, keep))
+    own = shown.along(taken)
+    block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
+    block = block.astype(np.complex64)
+    out = np.zeros((len(LAWS), len(grid), 2, 2))
+    inside = np.zeros((len(LAWS), len(grid), 2, taken.shape[1]))
+    for first in range(0, len(grid), together):
+        part = slice(first, min(first + together, len(grid)))
+        count = part.stop - first
+        mean = np.sinc(grid[first + count // 2] * passed)
+        wave = block[:count] * (mean * np.exp(1j * grid[first] * theta)).astype(np.complex64)
+        wave = np.swapaxes(wave.reshape(count, -1, THINNED), 0, 1)
+        pushed = np.split(np.swapaxes(wave @ torques, 0, 1), len(LAWS), axis=2)
+        for law, one in enumerate(pushed):
+            out[law, part], inside[law, part] = shown.products(one, own)
+    return out, inside
+
+
+def _thinned_windows(rows: DataRows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+    """The nuisance directions of the rotation rows at the samples `keep` alone."""
+    width, out = rows.rotation.shape[1], []
+    for part, q in _windows(rows):
+        begin, end = part.start // width, part.stop // width
+        inside = np.flatnonzero((keep >= begin) & (keep < end))
+        if len(inside):
+            some = q.reshape(end - begin, width, -1)[keep[inside] - begin]
+            where = slice(inside[0] * width, (inside[-1] + 1) * width)
+            out.append((where, orthonormal(some.reshape(len(inside) * width, -1))))
+    return out
+
+
+def _in_common(base: Linearisation, rest, rows: DataRows, k: int, grid: np.ndarray) -> np.ndarray:
+    """Inner products (laws, orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
+    h = base.run.step
+    left = rest.ravel().copy()
+    for part, q in _windows(rows):
+        left[part] -= q @ (left[part] @ q)
+    left = left.reshape(rest.shape) * rows.rotation
+    axes = _axes(base)
+    rolled = h * np.cumsum(left[::-1, 3:], axis=0)[::-1]
+    every = np.broadcast_to(axes, (len(left), *axes.shape[1:]))
+    turned = left[:, :3] + np.einsum("tij,ti->tj", every, rolled)
+    series = h * np.cumsum(turned[::-1], axis=0)[::-1]
+    series = np.sum(series * _rates(base, k), axis=1)
+    theta, passed = _passing(base, k)
+    block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
+    middle = grid[np.minimum(np.arange(0, len(grid), TOGETHER) + TOGETHER // 2, len(grid) - 1)]
+    begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * np.sinc(np.outer(passed, middle))
+    out = []
+    for factor in _factors(base, k):
+        products = (block @ (begin * (factor * series)[:, None])).T.ravel()[: len(grid)]
+        out.append(np.stack([np.real(products), np.imag(products)], axis=1))
+    return np.stack(out)
+
+
+class _ShaftRun(NamedTuple):
+    """A run under torques on one shaft: how they show, and what is left and taken up of that."""
+
+    angle: np.ndarray  # (samples,) rad, and turns a sample: `_passing`
+    passed: np.ndarray
+    pushes: dict[str, np.ndarray]  # by law accelerations (samples, m) by a unit line
+    shown: "_Shown"
+    along: np.ndarray  # (sums, 1 + k) of what is left, and of the directions taken up
+
+    def pushed(self, law: str, orders: np.ndarray) -> np.ndarray:
+        """Accelerations (orders, samples, m) along the directions by lines of a law."""
+        wave = np.exp(1j * orders[:, None] * self.angle) * np.sinc(orders[:, None] * self.passed)
+        return wave[:, :, None] * self.pushes[law]
+
+
+def _shaft_runs(bases, rests, rows, taken, k: int) -> list[_ShaftRun]:
+    """What torques on the shaft of wheel `k` show in every base's run."""
+    out = []
+    for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
+        h, (strength, ways) = base.run.step, _strengths(base, k)
+        shown = _Shown.of(ways, _axes(base), (h, h), r.rotation, _windows(r))
+        pushes = [factor[:, None] * strength for factor in _factors(base, k)]
+        along = shown.along(np.concatenate([rest.reshape(-1, 1), own], axis=1))
+        angle, passed = _passing(base, k)
+        out.append(_ShaftRun(angle, passed, dict(zip(LAWS, pushes, strict=True)), shown, along))
+    return out
+
+
+def _gains(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray) -> np.ndarray:
+    """Fall of chi-square by a line of each order, its cosine and sine free."""
+    gram, right, inside = _products(seen, law, orders)
+    return _explained(_left(gram, inside), right)
+
+
+def _left(gram, inside, least: float = LEFT) -> np.ndarray:
+    """What is left of gram (orders, 2, 2) beside `inside` (orders, 2, k); `least` of it always."""
+    size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
+    left = (1 + least) * gram - inside @ np.swapaxes(inside, 1, 2)
+    return left + (1e-9 * size + 1e-300) * np.eye(2)
+
+
+def _explained(left, right) -> np.ndarray:
+    """right . left^-1 . right of every order, `left` (orders, 2, 2) and `right` (orders, 2)."""
+    return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
+
+
+def _products(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray):
+    """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2); with
+    the directions taken (.., 2, k)."""
+    gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
+    inside = np.zeros((len(orders), 2, seen[0].along.shape[1] - 1))
+    for x in seen:
+        for first in range(0, len(orders), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            size, along = x.shown.products(x.pushed(law, orders[part]), x.along)
+            gram[part] += size
+            right[part] += along[..., 0]
+            inside[part] += along[..., 1:]
+    return gram, right, inside
+
+
+def _axes(base: Linearisation) -> np.ndarray:
+    """Axes about which the sphere turns, (samples or 1, n, 3)."""
+    axes = base.response.axes
+    return axes if len(axes) == 1 else axes[:: FINE // THIN]
+
+
+def _rates(base: Linearisation, k: int) -> np.ndarray:
+    """Acceleration (samples, 3) of the sphere by a torque on shaft `k`, rad/s^2 a N m."""
+    return base.response.rates[:: FINE // THIN, k]
+
+
+def _strengths(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """`_rates` as strengths (samples, m) along m directions (m, 3), without what is next to none.
+
+    About fixed axes one direction holds all but some 1e-6 of them.
+    """
+    left, sizes, ways = np.linalg.svd(_rates(base, k), full_matrices=False)
+    m = np.count_nonzero(sizes > ALIKE * sizes[0])
+    return left[:, :m] * sizes[:m], ways[:m]
+
+
+def _factors(base: Linearisation, k: int) -> list[np.ndarray]:
+    """By law what a line is multiplied by before every sample."""
+    torque = _before(base.torque[:, k])
+    return [torque if law == "current-ripple" else np.ones_like(torque) for law in LAWS]
+
+
+def _passing(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """(angle (samples,) rad of wheel `k` half a sample before each one, turns a sample there).
+
+    The mean of exp(i N theta) over the time between two samples is that of its middle times
+    sinc(N turns).
+    """
+    return _before(base.motion.theta[:, k]), (
+        _before(base.motion.speed[:, k]) * base.run.step / (2 * np.pi)
+    )
+
+
+def _before(values: np.ndarray) -> np.ndarray:
+    """Values (FINE points,) half a sample before each sample; the first as it is."""
+    return np.concatenate([values[:1], values[FINE // 2 :: FINE]])
+
+
+class _Shown(NamedTuple):
+    """How torques along some directions show in the whitened Omega and rolled lengths of a run.
+
+    Every entry of a row is a sum of few numbers of its sample, times weights: of the sphere's speed
+    along each direction, and of their rolled lengths (about axes that move, of the wheels').  These
+    numbers by sample are the sums of a torque.
+    """
+
+    ways: np.ndarray  # (m, 3) directions
+    axes: np.ndarray  # (1 or t, n, 3)
+    steps: tuple[float, float]  # s, between the sums of accelerations over samples, and of the rows
+    weights: np.ndarray  # (a, t, 3 + n)
+    squares: np.ndarray  # (a, a, t), sums of products of the weights
+    # nuisance directions: samples, products with the weights (a, samples, k), among the rows
+    windows: list[tuple[slice, np.ndarray, slice, np.ndarray]]
+
+    @staticmethod
+    def of(ways, axes, steps: tuple[float, float], weight: np.ndarray,
+           windows: Sequence[tuple[slice, np.ndarray]]) -> "_Shown":  # fmt: skip
+        """From the rows' `weight` (t, 3 + n) and their nuisance directions."""
+        lever = ways @ axes[0].T if len(axes) == 1 else np.eye(axes.shape[1])
+        weights = block_diag(ways, lever)[:, None] * weight
+        squares = np.einsum("atc,btc->abt", weights, weights)
+        width, parts = weight.shape[1], []
+        for part, q in windows:
+            at = slice(part.start // width, part.stop // width)
+            of_rows = q.reshape(at.stop - at.start, width, -1)
+            parts.append((at, np.einsum("atc,tck->atk", weights[:, at], of_rows), part, q))
+        return _Shown(ways, axes, steps, weights, squares, parts)
+
+    def along(self, rows: np.ndarray) -> np.ndarray:
+        """What makes inner products with rows (t (3 + n), k) of sums: (a t, k)."""
+        rows = np.array(rows)
+        for *_, part, q in self.windows:
+            rows[part] -= q @ (q.T @ rows[part])
+        rows = rows.reshape(*self.weights.shape[1:], rows.shape[1])
+        out = np.einsum("atc,tck->atk", self.weights, rows, optimize=True)
+        return out.reshape(out.shape[0] * out.shape[1], out.shape[2])
+
+    def sums(self, pushed: np.ndarray) -> np.ndarray:
+        """Sums (2 orders, a, t) of the cosine and the sine of each line.
+
+        `pushed` (orders, t, m) holds sums of accelerations along the directions over samples.
+        """
+        h, step = self.steps
+        orders, t, m = pushed.shape
+        both = np.stack([np.real(pushed), np.imag(pushed)], axis=1).reshape(2 * orders, t, m)
+        turned = h * np.cumsum(np.swapaxes(both, 1, 2), axis=2, dtype=float)
+        rates = turned
+        if len(self.axes) > 1:
+            rates = np.einsum("tij,mj,nmt->nit", self.axes, self.ways, turned, optimize=True)
+        return np.concatenate([turned, step * np.cumsum(rates, axis=2)], axis=1)
+
+    def products(self, pushed: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inner products of each line's cosine and sine: (orders, 2, 2), and (orders, 2, k) with
+        the rows whose `along` (a t, k) is given."""
+        sums, count = self.sums(pushed), len(pushed)
+        _, a, t = sums.shape
+        weighed = np.zeros_like(sums)
+        for i, j in zip(*np.nonzero(self.squares.any(axis=2)), strict=True):
+            weighed[:, i] += sums[:, j] * self.squares[i, j]
+        flat = sums.reshape(2 * count, a * t)
+        pairs = flat.reshape(count, 2, a * t)
+        gram = weighed.reshape(count, 2, a * t) @ np.swapaxes(pairs, 1, 2)
+        for at, q, *_ in self.windows:
+            own = sum(sums[:, i, at] @ q[i] for i in range(a))
+            own = np.reshape(own, (count, 2, q.shape[2]))
+            gram -= own @ np.swapaxes(own, 1, 2)
+        return gram, (flat @ along).reshape(count, 2, along.shape[1])
+
+
+def _windows(rows: DataRows) -> list[tuple[slice, np.ndarray]]:
+    """The nuisance directions of the rotation rows, and where they stand among these alone."""
+    first = rows.elastic.size
+    return [
+        (slice(part.start - first, part.stop - first), q)
+        for part, q in rows.nuisance if part.start >= first
+    ]  # fmt: skip
+
+
+def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
+    """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed.
+
+    Of the sparsely weighed ones, at nearly any speed: they are alike only where samples tell them.
+    """
+    theta = [b.motion.theta[:, k] for b in bases]  # a wave has one phase in all runs
+    travel = float(max(map(np.max, theta)) - min(map(np.min, theta)))
+    speed = np.abs(np.concatenate([b.motion.speed[:, k] for b in bases]))
+    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), SLOWEST)
+    step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
+    half = np.pi / min(b.run.step for b in bases)  # what the fastest sampled run tells
+    top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
+    return np.arange(LOWEST, max(top, LOWEST + STEPS * step), step)
+
+
+def _dense(grid: np.ndarray) -> int:
+    """How many orders of a grid, the lowest ones, are weighed each."""
+    return DENSE if len(grid) > DENSE + SPARSE else len(grid)
+
+
+def _promising(grid: np.ndarray, gains: np.ndarray, apart: float) -> list[float]:
+    """`BEST` orders by estimated gains: half of them of those that are weighed sparsely, if any.
+
+    Estimates of these are less sure: samples `THINNED` apart may take a high line for a slow one,
+    of next to no size, and all of them would stand above the right line of a low order.
+    """
+    dense = _dense(grid)
+    if dense == len(grid):
+        return _peaks(grid, gains, BEST, apart)
+    parts = slice(None, dense), slice(dense, None)
+    return [x for part in parts for x in _peaks(grid[part], gains[part], BEST // 2, apart)]
+
+
+def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:
+    """The `count` best orders that lie `apart`."""
+    kept: list[float] = []
+    for j in np.argsort(gains)[::-1]:
+        if all(abs(orders[j] - other) > apart for other in kept):
+            kept.append(float(orders[j]))
+        if len(kept) == count:
+            break
+    return kept
