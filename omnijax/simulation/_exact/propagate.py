@@ -19,6 +19,7 @@ from ..._arrays import on_device
 from ..._errors import InputError, tell
 from ..._memory import SHARE, available, in_words
 from ..._programs import kept
+from ..._status import Status
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
 from ...rig import Rig, as_rig
 from .._channels import trajectory
@@ -243,5 +244,6 @@ def _finish(rig: Rig, drive: SpeedDrive, ts, origin, model: str, response, attit
         memory=memory,
     )
     finite = jnp.all(jnp.isfinite(response.state))
-    status, steps = jnp.where(finite, 0, 1), jnp.zeros((), int)
+    status = jnp.where(finite, int(Status.OK), int(Status.NON_FINITE))
+    steps = jnp.zeros((), int)
     return trajectory(Model(translation), drive, ts, states, status, steps, "exact", origin)

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 from ..._compiling import Effort
 from ..._errors import InputError
 from ..._programs import kept
+from ..._status import Status
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
 from .._batch_last import side_by_side
@@ -174,7 +175,7 @@ def simulate_fixed(
     _, ys = jax.lax.scan(pair, first, ts[0] + substeps * h * jnp.arange(pairs))
     ys = jnp.concatenate([first[0][None], ys.reshape(2 * pairs, -1)])[: len(ts)]
     states = jax.vmap(lambda y: unpack(built, y, step.scale))(ys)
-    status = jnp.where(jnp.all(jnp.isfinite(ys)), 0, 1)
+    status = jnp.where(jnp.all(jnp.isfinite(ys)), int(Status.OK), int(Status.NON_FINITE))
     steps = jnp.asarray(pairs * substeps)
     return trajectory(built, drive, ts, states, status, steps, f"fixed {method}")
 

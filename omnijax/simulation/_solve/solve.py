@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ..._errors import InputError
+from ..._status import Status
 from ...dynamics import Model, State, linear_system
 from ...rig import Rig
 from .._channels import trajectory
@@ -115,7 +116,8 @@ def _run(model: Model, drive, ts, rtol, name, max_steps, adjoint, begun, origin)
 
 
 def _status(states, result) -> jax.Array:
-    code = jnp.where(result == dfx.RESULTS.successful, 0, 3)
-    code = jnp.where(result == dfx.RESULTS.max_steps_reached, 2, code)
+    ok, stopped = result == dfx.RESULTS.successful, result == dfx.RESULTS.max_steps_reached
+    code = jnp.where(ok, int(Status.OK), int(Status.FAILED))
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(states)]))
-    return jnp.where((code != 2) & ~finite, 1, code)
+    code = jnp.where(finite, code, int(Status.NON_FINITE))
+    return jnp.where(stopped, int(Status.STEP_LIMIT), code)
