@@ -19,7 +19,8 @@ def static_start(model: Model, angle, attitude):
     """Elastic state and law memories at static equilibrium with the wheels at `angle` (rad).
 
     The linear model is solved exactly; laws at contacts and mounts by Newton's method from there.
-    Where the wheels leave the sphere free to move it stays.
+    Where the wheels leave the sphere free to move it stays.  Laws that balance nowhere (a user's,
+    with a jump) leave NaN, and the run that starts there ends as non-finite.
     """
     rig = model.rig
     shape = position_input(rig, angle, attitude)
@@ -49,12 +50,13 @@ def static_start(model: Model, angle, attitude):
     else:
         import optimistix as optx  # a fifth of a second that a linear rig need not spend
 
-        solution = optx.root_find(
+        solved = optx.root_find(
             lambda y, _: imbalance(y),
             optx.Newton(rtol=1e-10, atol=1e-13),
             start,
             throw=False,
             max_steps=50,
-        ).value
+        )
+        solution = jnp.where(solved.result == optx.RESULTS.successful, solved.value, jnp.nan)
     approach, mount, memory = unravel(solution)
     return model.translation.still(approach, mount, shape), memory
