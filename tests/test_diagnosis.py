@@ -12,12 +12,12 @@ from seeds import drawn_anew
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._answer import learned, term_fit
-from omnijax.diagnosis._answer.learned import Unexplained, ports_of
-from omnijax.diagnosis._answer.misshapen import _left, _own_functions
-from omnijax.diagnosis._answer.near_laws import near_laws
+from omnijax.diagnosis._answer._learned import learned, term_fit
+from omnijax.diagnosis._answer._learned.learned import Unexplained, ports_of
+from omnijax.diagnosis._answer._learned.misshapen import _left, _own_functions
+from omnijax.diagnosis._answer._learned.near_laws import near_laws
+from omnijax.diagnosis._answer._learned.term_fit import TermFit
 from omnijax.diagnosis._answer.rig_evidence import RigEvidence
-from omnijax.diagnosis._answer.term_fit import TermFit
 from omnijax.diagnosis._machine import RigModel, said_of_outliers
 from omnijax.diagnosis._machine._candidates.candidates import untried
 from omnijax.diagnosis._search import Point, tangent_rows

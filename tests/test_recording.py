@@ -15,7 +15,7 @@ from seeds import drawn_anew
 from omnijax import InputError, Recording, diagnose, read_case, read_recording, write_recording
 from omnijax.recording import ordered_rows
 from omnijax.recording._copies import LARGE
-from omnijax.recording._csv import read_csv
+from omnijax.recording._formats.csv import read_csv
 from omnijax.recording._time import GLITCH
 
 
@@ -597,7 +597,7 @@ WRONG_UNITS = [
 
 
 def test_wrong_units_are_found_and_mended(tmp_path):
-    from omnijax.recording._scales import mend_units
+    from omnijax.recording._units.wrong_units import mend_units
 
     case = read_case(RECORDINGS / "case-03")
     faults = [fault.kind for fault in case.all_faults]
@@ -616,7 +616,7 @@ def test_wrong_units_are_found_and_mended(tmp_path):
 
 def test_wheels_that_roll_on_without_torque_are_in_no_wrong_unit():
     """Their factors, of nothing that causes a drift, come out at any size."""
-    from omnijax.recording._scales import mend_units
+    from omnijax.recording._units.wrong_units import mend_units
     from omnijax.rig import load_rig
 
     rig, rng = load_rig("atlas"), drawn_anew("rolling without torque")
@@ -639,7 +639,7 @@ def test_wheels_that_roll_on_without_torque_are_in_no_wrong_unit():
 
 
 def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():
-    from omnijax.recording._scales import mend_units
+    from omnijax.recording._units.wrong_units import mend_units
 
     case = read_case(RECORDINGS / "case-03")
     good = case.runs[0]
@@ -652,7 +652,7 @@ def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():
 
 
 def test_a_unit_that_the_user_states_is_kept(tmp_path):
-    from omnijax.recording._scales import mend_units
+    from omnijax.recording._units.wrong_units import mend_units
 
     case = read_case(RECORDINGS / "case-03")
     run = case.runs[0]
@@ -695,7 +695,7 @@ def test_the_first_line_of_excel_names_the_mark(tmp_path):
 
 
 def test_what_unpacks_beyond_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("omnijax.recording._csv.available", lambda: 8e6)
+    monkeypatch.setattr("omnijax.recording._formats.csv.available", lambda: 8e6)
     file = tmp_path / "run.csv.gz"
     file.write_bytes(gzip.compress(b"t,torque_1\n" + b"0,0\n" * 400_000))
     with pytest.raises(InputError, match=r"unpacks to more than 1 MB"):

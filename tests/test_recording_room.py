@@ -5,7 +5,7 @@ import pytest
 from recordings import columns
 
 from omnijax import InputError, _memory, read_recording
-from omnijax.recording._mat import mat_sizes
+from omnijax.recording._formats.mat import mat_sizes
 
 ROWS = 60_000
 FREE = 4e6  # bytes: the recording needs more, its packed file less

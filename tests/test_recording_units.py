@@ -8,7 +8,7 @@ from machines import RECORDINGS
 from seeds import drawn_anew
 
 from omnijax import Case, Recording, read_case
-from omnijax.recording._scales import mend_units
+from omnijax.recording._units.wrong_units import mend_units
 
 Columns = dict[str, np.ndarray]
 

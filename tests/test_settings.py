@@ -16,7 +16,7 @@ USUAL = {0, 1, 2, 3, 4, 6, 9, 0.5}
 GIVEN_BY_NAME = {0, 1, 2, 0.5}  # `rounds=4` is no axis
 ROUNDING, NO_NUMBER = 1e-7, 1e9  # what double precision leaves of one, and what stands for infinity
 ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas; and tables' kinds
-    "_answer/learned_shapes.py": {5},  # of spherical harmonics
+    "_answer/_learned/shapes.py": {5},  # of spherical harmonics
     "_answer/pictures.py": {0.2, 0.26, 0.38, 0.9, 3, 100},
     "_answer/sizes.py": {"POINTS"},
     "_machine/_noise/encoders.py": {"CHUNK", 16},

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from ._copies import RunSamples as RunSamples
     from ._copies import share_in as share_in
     from ._copies import without_copies as without_copies
+    from ._formats import may_be_run as may_be_run
+    from ._formats import read_table as read_table
+    from ._formats import stem_of as stem_of
     from ._grid import usual_step as usual_step
     from ._noise import NoiseFloor as NoiseFloor
     from ._noise import noise_floor as noise_floor
@@ -25,9 +28,6 @@ if TYPE_CHECKING:
     from ._recording import Recording as Recording
     from ._speeds import SpeedTable as SpeedTable
     from ._speeds import speed_table as speed_table
-    from ._tables import may_be_run as may_be_run
-    from ._tables import read_table as read_table
-    from ._tables import stem_of as stem_of
     from ._time import ordered_rows as ordered_rows
     from ._turns import Unwound as Unwound
     from ._turns import unwound as unwound

@@ -9,11 +9,11 @@ import numpy as np
 from .._errors import InputError
 from .._reading import existing
 from ._copies import Copy, share_of_recording, without_copies
+from ._formats import may_be_run, read_table, stem_of
 from ._read import read_recording
 from ._recording import Fault, Recording
 from ._shorten import first, thinned
 from ._sidecar import read_sidecar
-from ._tables import may_be_run, read_table, stem_of
 
 
 @dataclasses.dataclass

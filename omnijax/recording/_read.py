@@ -10,13 +10,12 @@ import numpy as np
 from .._errors import InputError
 from .._reading import existing
 from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
-from ._csv import CsvTable
+from ._formats import CsvTable, read_table, stem_of
 from ._recording import Fault, Recording, spans
-from ._scales import mend_units
 from ._sidecar import Sidecar, check_wheels, hint, is_gravity, read_sidecar, to_si
-from ._tables import read_table, stem_of
 from ._time import usable_rows
 from ._turns import unwrap
+from ._units import mend_units
 from ._values import clean, far_inputs, mend_inputs
 
 FINER = (("ms", 1e3), ("us", 1e6), ("ns", 1e9))

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._errors import InputError
 from ..rig import converted
-from ._tables import read_table
+from ._formats import read_table
 
 _HEAD = re.compile(r"(.*?)\s*(?:[\[(](.*)[\])])?")  # speed_1, speed_w1 (rpm), t [ms]
 

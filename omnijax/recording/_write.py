@@ -10,10 +10,9 @@ from .._files import looked_at, write_text, writing
 from .._reading import read_toml
 from .._toml import toml_value
 from ._columns import columns
-from ._csv import write_csv
+from ._formats import stem_of, suffix_of, write_csv
 from ._recording import Recording
 from ._sidecar import KEYS
-from ._tables import stem_of, suffix_of
 
 
 def write_recording(path: str | Path, recording: Recording) -> Path:

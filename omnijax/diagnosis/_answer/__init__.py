@@ -1,5 +1,7 @@
 """What comes back: verdict, names, learned terms, gaps, pictures."""
 
+from ._learned import NearLaw as NearLaw
+from ._learned import near_laws as near_laws
 from .answer import answering as answering
 from .answer import baseline_table as baseline_table
 from .answer import named as named
@@ -14,8 +16,6 @@ from .gap import gaps as gaps
 from .judges import JUDGES as JUDGES
 from .named_effect import Named as Named
 from .named_effect import OutputGap as OutputGap
-from .near_laws import NearLaw as NearLaw
-from .near_laws import near_laws as near_laws
 from .proposed import APART as APART
 from .proposed import AbstractProposed as AbstractProposed
 from .proposed import weaker as weaker

@@ -134,14 +134,14 @@ class RigEvidence(AbstractEvidence):
         return last[2]
 
     def learn(self, fit, scores, tell):
-        from .learned import learn
+        from ._learned import learn
 
         learned = learn(self.model, fit, scores, tell)
         self.model.rebase(fit.point)
         return learned
 
     def misshapen(self, fit):
-        from .misshapen import misshapen
+        from ._learned import misshapen
 
         return misshapen(self.model, fit, self.alike)
 

@@ -6,8 +6,8 @@ input: a sensor that bends its readings is nearly one with a limit, a drag nearl
 
 import numpy as np
 
-from .._machine import Linearisation, RigModel
-from .._search import (
+from ..._machine import Linearisation, RigModel
+from ..._search import (
     Fit,
     HeldOut,
     beside_taken,
@@ -16,8 +16,8 @@ from .._search import (
     tangent_rows,
     to_project,
 )
-from .._settings import SETTINGS
-from .evidence import Misshapen
+from ..._settings import SETTINGS
+from ..evidence import Misshapen
 from .learned import ports_of
 from .term_fit import FAR, RIDGE, pushed, worthwhile
 from .term_port import AbstractPort

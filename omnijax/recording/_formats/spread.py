@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ._columns import AXES, PER_WHEEL, UNITS
-from ._csv import CsvTable
-from ._dates import seconds_from
+from .._columns import AXES, PER_WHEEL, UNITS
+from .csv import CsvTable
+from .dates import seconds_from
 
 
 def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> CsvTable:

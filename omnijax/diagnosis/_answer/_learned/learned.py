@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from .._machine import RigModel
-from .._search import Effect, Fit, Point, Score
-from .._settings import SETTINGS
-from .channels import channel_names
-from .learned_ports import ShaftPort, SpherePort, SpringPort
-from .learned_sensors import SensorPort
-from .learned_shapes import ShapePort, SurfacePort
+from ..._machine import RigModel
+from ..._search import Effect, Fit, Point, Score
+from ..._settings import SETTINGS
+from ..channels import channel_names
 from .near_laws import NearLaw, near_laws
+from .ports import ShaftPort, SpherePort, SpringPort
+from .sensors import SensorPort
+from .shapes import ShapePort, SurfacePort
 from .term import Term
 from .term_fit import Curve, TermFit, Unexplained
 from .term_port import AbstractPort, TermGrid, axes_of

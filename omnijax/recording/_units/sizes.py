@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from ._columns import AXES, channels
-from ._recording import Recording
-from ._scale_factors import FACTORS, WRONG, Wrong, pieces
-from ._scale_turning import greatest_turn
+from .._columns import AXES, channels
+from .._recording import Recording
+from .factors import FACTORS, WRONG, Wrong, pieces
+from .turning import greatest_turn
 
 FEWEST = 2  # columns that can be told apart
 ORDER = 7  # of the differences that leave of a column its noise

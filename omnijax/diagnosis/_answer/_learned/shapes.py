@@ -7,8 +7,8 @@ from typing import ClassVar
 import jax
 import numpy as np
 
-from .._machine import FINE, SHAPE, contact_directions, refine, reshaped, shape_along, transfer
-from .._settings import SETTINGS
+from ..._machine import FINE, SHAPE, contact_directions, refine, reshaped, shape_along, transfer
+from ..._settings import SETTINGS
 from .term_port import AXES, POINTS, AbstractPort, AbstractWheelPort, TermGrid, memoryless, waves
 
 SHAPES = SETTINGS.answer_learned.shapes

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
+from ..._errors import InputError
 
 
 def once(file: str, columns: Iterable[tuple[str, Any]]) -> dict[str, Any]:

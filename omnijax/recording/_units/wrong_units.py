@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ._columns import group_of, unit_of
-from ._recording import Fault, Recording
-from ._scale_factors import FACTORS
-from ._scale_sizes import accelerations, gap_sizes, siblings
-from ._scale_torques import torques
-from ._scale_turning import rolling
+from .._columns import group_of, unit_of
+from .._recording import Fault, Recording
+from .factors import FACTORS
+from .sizes import accelerations, gap_sizes, siblings
+from .torques import torques
+from .turning import rolling
 
 
 def mend_units(run: Recording, rig: Any, declared: set[str]) -> None:

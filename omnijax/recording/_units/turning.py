@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import null_space
 
-from ._columns import channels
-from ._recording import Recording
-from ._scale_factors import FACTORS, Wrong, pieces
+from .._columns import channels
+from .._recording import Recording
+from .factors import FACTORS, Wrong, pieces
 
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
 KNOWN = 0.9  # share of the samples of Omega that integrate to an angle

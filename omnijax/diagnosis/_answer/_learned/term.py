@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .term_port import AbstractPort
 
 HIDDEN = SETTINGS.answer_learned.hidden

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ._recording import Recording
+from .._recording import Recording
 
 Wrong = Iterator[tuple[tuple[str, ...], float]]  # columns, and how many times too large they are
 

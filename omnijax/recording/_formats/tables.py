@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError, reason_of, require
-from .._memory import check_room
-from .._netcdf import load_netcdf
-from .._reading import regular
-from ._columns import OUTPUTS, UNITS
-from ._csv import CsvTable, read_csv
-from ._json import read_json
-from ._mat import mat_sizes
-from ._mcap import read_mcap
-from ._names import doubled, leaves, once
-from ._recording import Fault
-from ._spread import spread
+from ..._errors import InputError, reason_of, require
+from ..._memory import check_room
+from ..._netcdf import load_netcdf
+from ..._reading import regular
+from .._columns import OUTPUTS, UNITS
+from .._recording import Fault
+from .csv import CsvTable, read_csv
+from .json import read_json
+from .mat import mat_sizes
+from .mcap import read_mcap
+from .names import doubled, leaves, once
+from .spread import spread
 
 
 def suffix_of(path: Path) -> str:

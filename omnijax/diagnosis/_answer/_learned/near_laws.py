@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .._orthonormal import orthonormal_of_many_rows
-from .._search import AbstractModel, Point, Score
-from .._settings import SETTINGS
+from ..._orthonormal import orthonormal_of_many_rows
+from ..._search import AbstractModel, Point, Score
+from ..._settings import SETTINGS
 
 LAWS = SETTINGS.answer_learned.laws
 NEAREST = SETTINGS.answer_learned.nearest

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._machine import Linearisation, RigModel
-from .._search import Fit, Point, refit
-from .._settings import SETTINGS
-from .._threads import each
+from ..._machine import Linearisation, RigModel
+from ..._search import Fit, Point, refit
+from ..._settings import SETTINGS
+from ..._threads import each
 from .term import Term, with_network
 from .term_port import AbstractPort, TermGrid, axes_of
 

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...dynamics import sensor_readings
-from ...laws import AbstractSensor
-from .._machine import encoder_shifted
-from .._settings import SETTINGS
-from .channels import channel_index
-from .gap import UNITS
+from ....dynamics import sensor_readings
+from ....laws import AbstractSensor
+from ..._machine import encoder_shifted
+from ..._settings import SETTINGS
+from ..channels import channel_index
+from ..gap import UNITS
 from .term_port import AXES, BENDS, POINTS, AbstractPort, TermGrid, powers, waves
 
 WAVES = SETTINGS.answer_learned.waves

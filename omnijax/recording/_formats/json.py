@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
-from ._columns import UNITS, group_of
-from ._csv import CsvTable, unpacked
-from ._dates import is_stamp, seconds_of
-from ._names import once
-from ._spread import spread
+from ..._errors import InputError
+from .._columns import UNITS, group_of
+from .csv import CsvTable, unpacked
+from .dates import is_stamp, seconds_of
+from .names import once
+from .spread import spread
 
 
 def read_json(path: Path) -> CsvTable:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError, require
-from ._csv import CsvTable
-from ._names import once
-from ._spread import spread
+from ..._errors import InputError, require
+from .csv import CsvTable
+from .names import once
+from .spread import spread
 
 BASE = 1e-9  # s, of a log's clock
 

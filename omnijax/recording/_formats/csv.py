@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._errors import InputError
-from .._files import write_bytes
-from .._memory import SHARE, available, in_words
-from .._reading import read_bytes
-from ._dates import is_stamp, seconds_of
-from ._header import BLANK, cells_of, header_of, number_of
-from ._names import once
-from ._recording import Fault, spans
+from ..._errors import InputError
+from ..._files import write_bytes
+from ..._memory import SHARE, available, in_words
+from ..._reading import read_bytes
+from .._recording import Fault, spans
+from .dates import is_stamp, seconds_of
+from .header import BLANK, cells_of, header_of, number_of
+from .names import once
 
 _LINE_END = re.compile(r"\r\n?|\n")
 _CONTROLS = bytes({*range(32), 127} - set(b"\t\n\v\f\r\x1a\x1b"))  # what no text holds

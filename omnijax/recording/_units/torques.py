@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from ._columns import channels
-from ._recording import Recording
-from ._scale_factors import FACTORS, Wrong, pieces
-from ._scale_turning import turning
+from .._columns import channels
+from .._recording import Recording
+from .factors import FACTORS, Wrong, pieces
+from .turning import turning
 
 UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
 DEGREES_NEAR = 2.0  # the same of angles in deg

@@ -12,10 +12,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ...laws import AbstractLaw
-from ...rig import Placed
-from .._machine import Linearisation, along
-from .._settings import SETTINGS
+from ....laws import AbstractLaw
+from ....rig import Placed
+from ..._machine import Linearisation, along
+from ..._settings import SETTINGS
 
 SHOWN = SETTINGS.answer_learned.shown
 POINTS = SETTINGS.answer_learned.points

@@ -6,8 +6,8 @@ from typing import ClassVar
 import jax
 import numpy as np
 
-from ...laws import BodySignal, ShaftSignal
-from .._machine import (
+from ....laws import BodySignal, ShaftSignal
+from ..._machine import (
     FINE,
     SIGNALS,
     THIN,
@@ -19,7 +19,7 @@ from .._machine import (
     transfer,
     turned_by,
 )
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .term_port import (
     AXES,
     BENDS,
