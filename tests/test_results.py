@@ -17,6 +17,8 @@ from omnijax.simulation import propagate, speeds, steady_state
 from omnijax.vibration import modes, order_track, rpm_order_map
 from omnijax.view import write_replay
 
+pytestmark = pytest.mark.brief
+
 RESULTS = [
     "Trajectory", "SteadyState", "Modes", "OrderMap", "OrderTrack", "SweepResult", "Sensitivity",
     "SpeedSensitivity", "GlobalSensitivity", "Design", "Front", "Tolerances", "MachineSweep",
@@ -37,15 +39,14 @@ def test_every_result_of_the_root_shows_saves_and_loads_itself(name):
 
 
 @pytest.fixture(scope="module")
-def results():
-    """A result of each kind that computes no study, of one rig, with a runout where it counts."""
-    plain = machine()  # as in `batches`: one program for all steady states
-    rig = plain.add(laws.WheelRunout(jnp.asarray(1e-4), jnp.asarray(0.3)), "w2")
-    run = propagate(rig, speeds([3.0, -5.0, 7.0]), np.arange(1201) / 300)
+def results(batches):
+    """A result of each kind that computes no study: the batches' first run, second long one."""
+    rig, runs, states = batches
+    run, steady = (jax.tree.map(lambda x, i=i: x[i], y) for i, y in enumerate((runs, states)))
     turning = {"reference": "w2", "channel": "dR_x"}
     return {
-        "steady": steady_state(plain, [0.4, 0.0, 1.3], harmonics=8, grid_bits=7),
-        "modes": modes(rig),
+        "steady": steady,
+        "modes": modes(rig.add(laws.WheelRunout(jnp.asarray(1e-4), jnp.asarray(0.3)), "w2")),
         "map": rpm_order_map(run, **turning),
         "track": order_track(run, [1, 14], **turning),
     }
@@ -77,7 +78,7 @@ def test_a_steady_state_that_is_none_says_so_from_its_file(tmp_path):
 @pytest.fixture(scope="module")
 def batches():
     """Two runs side by side, as `jax.vmap` makes them, two such steady states, and their rig."""
-    rig, t = machine(), np.arange(301) / 300
+    rig, t = machine(), np.arange(1201) / 300
     turns = jnp.asarray([[3.0, -5.0, 7.0], [0.4, 0.0, 1.3]])
     runs = jax.vmap(lambda x: propagate(rig, speeds(x), t))(turns)
     each = [steady_state(rig, x, harmonics=8, grid_bits=7) for x in turns.tolist()]
@@ -87,14 +88,14 @@ def batches():
 
 def test_batches_and_traced_results_say_what_they_are(batches):
     _, runs, states = batches
-    assert repr(runs) == "Trajectory(301 samples, 3 wheels; a batch of 2: 2 ok)"
+    assert repr(runs) == "Trajectory(1201 samples, 3 wheels; a batch of 2: 2 ok)"
     assert repr(states) == "SteadyState(a batch of 2: 2 ok)"
     assert "a batch of 2" in runs._repr_html_()
     failed = dataclasses.replace(runs, status=jnp.asarray([[0, 1], [1, 6]]))
     assert failed.message() == "a batch of 2x2: 1 ok, 2 non-finite, 1 interrupted"
     said = []
     jax.eval_shape(lambda run: said.append(repr(run)), jax.tree.map(lambda x: x[0], runs))
-    assert said == ["Trajectory(301 samples, 3 wheels; traced)"]
+    assert said == ["Trajectory(1201 samples, 3 wheels; traced)"]
 
 
 def test_figures_of_a_batch_are_asked_for_one_by_one(batches):

@@ -17,6 +17,8 @@ from omnijax.simulation._steady.smooth_peak import PhasePlaces, smooth_peak
 from omnijax.vibration import steady_metrics
 from omnijax.vibration._amplitude import smooth_peak as of_samples
 
+pytestmark = pytest.mark.brief
+
 P = 64.0
 
 

@@ -30,6 +30,8 @@ from omnijax._netcdf import load_netcdf
 from omnijax.cli._simulate.run import perform, planned
 from omnijax.simulation import ramp, table, to_recording
 
+pytestmark = pytest.mark.brief
+
 
 @pytest.fixture(scope="module")
 def rig():

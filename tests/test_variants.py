@@ -11,6 +11,8 @@ from machines import ORTHOGONAL, SKEW, machine
 from omnijax.dynamics import Coupled, Paper, PortInputs, flatten, linear_system, unflatten
 from omnijax.simulation import simulate, speeds
 
+pytestmark = pytest.mark.brief
+
 TS = jnp.linspace(0.0, 0.5, 126)
 SPEEDS = [2.1, -1.2, 0.7]
 
