@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
-from tiers import tiered
 
 from omnijax import laws, load_laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
@@ -333,7 +332,7 @@ def drawn_layout(rng):
 MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
 BULK, STEADY, FIXED = ("bulk",), ("steady", "steady-bulk"), ("fixed",)
 CASES = [  # methods, layout, profiles (none: all gated), effects, values of a quantity
-    (BULK, "tripod", None, linear_effects, 3),
+    (BULK, "four", None, linear_effects, 3),
     (STEADY[1:], "tripod", None, linear_effects, 1),
     (FIXED, "orthogonal", None, effects_under_torques, 1),
 ]
@@ -346,7 +345,7 @@ GRID = [
 ]  # fmt: skip
 MORE = [
     (BULK, "orthogonal", MIXED, effects_of_a_turn, 1),
-    (BULK, "four", None, linear_effects, 3),
+    (BULK, "tripod", None, linear_effects, 3),
     (BULK, "five", None, linear_effects, 3),
     (STEADY, "tripod", None, linear_effects, 3),
     (FIXED, "tripod", None, plain, 3),
@@ -463,10 +462,10 @@ SWEPT = {  # method: what a sweep asks for that takes it; two take rigs that mod
     "fixed": {"duration": 0.08},
     "full": {"duration": 0.08, "solver": "dopri8"},
 }
-BRIEF = ("bulk",)
 
 
-@pytest.mark.parametrize("method", tiered(SWEPT, lambda method: method not in BRIEF))
+@pytest.mark.full  # in the gate a sweep under a force: test_sweep; its methods, above
+@pytest.mark.parametrize("method", SWEPT)
 def test_a_sweep_gives_the_figures_of_single_runs(method):
     """Through the public functions alone, three designs with every way to evaluate them."""
     torque, how = method in ("fixed", "full"), SWEPT[method]

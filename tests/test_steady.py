@@ -146,6 +146,7 @@ def test_one_turning_wheel_reaches_its_supremum(drawn):
     assert np.allclose(state.order[0, :3], [0, rollers, 2 * rollers])
 
 
+@pytest.mark.full  # in the gate: test_steady_bulk, test_propagation
 def test_drawn_rigs_have_finite_and_ordered_figures(drawn):
     """Contacts undamped or overdamped; round or resting wheels rest."""
     _, _, states = drawn
