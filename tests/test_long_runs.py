@@ -9,6 +9,8 @@ from tiers import tiered
 
 from omnijax.simulation import Gathered, propagate, propagate_in_pieces, speeds, table
 
+pytestmark = pytest.mark.brief
+
 PIECE = 64
 
 
