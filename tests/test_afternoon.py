@@ -288,7 +288,7 @@ def test_a_slip_of_the_hand_is_told_in_one_sentence(type_, line, sentence):
     assert sentence in err and "Traceback" not in err and out == ""
 
 
-@pytest.mark.parametrize("machine", tiered(MACHINES, "four-wheel".__eq__), indirect=True)
+@pytest.mark.full  # in the gate: test_cli_simulate
 def test_python_gives_what_the_commands_print(type_, machine):
     typed = ",".join(["0.5"] * machine[1])
     line = f"simulate rig.toml --speed {typed} --duration 1s --json"

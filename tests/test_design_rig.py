@@ -84,6 +84,7 @@ def test_the_answer_does_not_depend_on_the_start(engine, ends):
     assert np.ptp([e.x[0] for e in ends]) < 1e-4 * ends[0].x[0]
 
 
+@pytest.mark.full  # in the gate the optimum's multipliers, below
 def test_the_optimum_beats_a_fine_grid_of_the_sweep(engine, ends):
     """Slip margins rise with the preload, so the grid holds it at its limit."""
     held = omnijax.set_parameter(omnijax.load_rig("atlas"), "closure.preload", 120.0)

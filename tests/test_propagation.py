@@ -53,7 +53,8 @@ DRIVES = {
 }
 
 
-@pytest.mark.parametrize("name", tiered(DRIVES, "constant".__eq__))  # constant with effects, below
+@pytest.mark.full  # in the gate with effects, below
+@pytest.mark.parametrize("name", DRIVES)
 def test_agrees_with_integration(name):
     rig, drive = machine(SKEW), DRIVES[name]
     exact = propagate(rig, drive, TS)
@@ -64,13 +65,20 @@ def test_agrees_with_integration(name):
         assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), channel
 
 
-def test_effects_and_profiles_agree_with_integration():
+@pytest.mark.parametrize("kind", tiered(["constant", "ramp"], "constant".__eq__))
+def test_effects_and_profiles_agree_with_integration(kind):
+    """Of constant speeds in the gate: wheels that follow the linear system, below."""
     profiles = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
     rig = eqx.tree_at(lambda r: r.profiles, machine(SKEW), profiles)
-    drive = speeds((0.4, 5.2, 0.0), initial_angle=(0.1, 0.2, 0.03))
-    rig = _effects(rig)
+    first = (0.4, 5.2, 0.0)
+    turning = first if kind == "constant" else ramp(0.35, 0.6, first, (-3.0, 2.0, 6.0))
+    drive, rig = speeds(turning, initial_angle=(0.1, 0.2, 0.03)), _effects(rig)
+    exact = propagate(rig, drive, TS)
     stepped = simulate(rig, drive, TS, solver="dopri8", rtol=1e-11)
-    assert _distance(propagate(rig, drive, TS), stepped) < 1e-9
+    assert _distance(exact, stepped) < 1e-9
+    for channel in ("R_l", "attitude", "normal_force", "deflection"):
+        a, b = np.asarray(getattr(exact, channel)), np.asarray(getattr(stepped, channel))
+        assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), channel
 
 
 def _stepped(rig, w, model, ts, count=16000):

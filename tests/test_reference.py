@@ -10,7 +10,7 @@ from tiers import tiered
 from omnijax.simulation import simulate, table, torques
 
 
-# of the former, whose plant is the simpler: test_trajectory_files and test_plant
+# of the former, whose plant is the simpler, in the gate: test_plant
 @pytest.mark.parametrize("name", tiered(["ref-1", "ref-2"], "ref-1".__eq__))
 def test_agrees_with_a_separate_program(name):
     rig, t, torque, force, expected = ref = reference(name)

@@ -55,9 +55,10 @@ def told(work):
 
 
 WAYS = ("simulate", "propagate", "steady", "sweep", "slopes")
+DEAR = ("steady", "slopes")  # in the gate a long run's warning: test_hold
 
 
-@pytest.mark.parametrize("way", tiered(WAYS, "slopes".__eq__))
+@pytest.mark.parametrize("way", tiered(WAYS, DEAR.__contains__))
 def test_every_way_warns_once_where_speeds_do_not_fit(way):
     rig = four_wheels()
     ways = {

@@ -1,5 +1,6 @@
 """Runs in files: everything back from NetCDF, recordings from CSV, sensors, recorded drives."""
 
+import dataclasses
 import warnings
 from types import SimpleNamespace
 
@@ -8,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import machine
 from references import REFERENCES
 from seeds import drawn_anew
 
@@ -29,6 +29,7 @@ from omnijax._errors import DataWarning
 from omnijax._netcdf import load_netcdf
 from omnijax.cli._simulate.run import perform, planned
 from omnijax.simulation import ramp, table, to_recording
+from omnijax.simulation._run import PER_WHEEL
 
 pytestmark = pytest.mark.brief
 
@@ -162,6 +163,7 @@ def test_files_hold_what_the_sensors_read_and_netcdf_the_truth_too(run, rig, tmp
     assert eqx.tree_equal(Trajectory.load(tmp_path / "run.nc"), run)
 
 
+@pytest.mark.full  # in the gate other recordings: test_reference, test_plant
 def test_a_recording_drives_the_machine_through_the_same_run():
     folder = REFERENCES / "ref-1"
     recording = read_recording(folder / "run-1.csv.gz")
@@ -239,9 +241,9 @@ def test_wrong_files_are_refused(run, tmp_path):
         Trajectory.load(tmp_path / "bad.nc")
 
 
-def test_machines_of_other_sizes_keep_their_wheels(tmp_path):
-    two = machine(([[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 0, 0]]))
-    run = propagate(two, speeds([1.0, 2.0]), np.arange(5) * 1e-2)
+def test_machines_of_other_sizes_keep_their_wheels(run, tmp_path):
+    two = {name: getattr(run, name)[:, :2] for name in PER_WHEEL}
+    run = dataclasses.replace(run, names=run.names[:2], **two)
     recording = read_recording(run.save(tmp_path / "run.csv"))
     assert recording.wheels == 2
     np.testing.assert_array_equal(recording.torque, run.torque)
