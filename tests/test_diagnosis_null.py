@@ -15,8 +15,8 @@ from omnijax.diagnosis._answer import RigEvidence
 from omnijax.diagnosis._machine._motion.smooth import smooth
 from omnijax.diagnosis._machine._noise.encoders import smoother_modes, whitener
 from omnijax.diagnosis._machine._preparation.start_angles import with_start_angles
-from omnijax.diagnosis._machine.runs import Run
-from omnijax.diagnosis._search import calibrated
+from omnijax.diagnosis._machine.runs import Run, with_noise
+from omnijax.diagnosis._search import Level, Spectrum, calibrated
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.held_out import HeldOut
 from omnijax.diagnosis._search.scan import Signatures, taken_up
@@ -107,6 +107,31 @@ def test_modes_of_the_smoother_are_the_smoother():
     modes, gains = smoother_modes(800, 1e6)
     left = smooth(noise, 1.0, 1e6)[0] - modes @ (gains[:, None] * (modes.T @ noise))
     assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(smooth(noise, 1.0, 1e6)[0] ** 2))
+
+
+@pytest.mark.full
+def test_what_a_walk_of_the_encoders_does_to_dR_and_a_is_counted(machines):
+    """A healthy machine was unknown: a walk of 2 sigma left a gap in `a`."""
+    rng, (rig, noise, tables) = drawn_anew("walk of encoders"), machines[0]
+    plain = noisy(tables, noise, rng)
+    steps = 0.15 * noise["theta"] * rng.normal(size=(len(plain), *plain[0].outputs["theta"].shape))
+    runs = [
+        dataclasses.replace(run, outputs={
+            **run.outputs, "theta": run.outputs["theta"] + step.cumsum(axis=0)
+        })
+        for run, step in zip(plain, steps, strict=True)
+    ]  # fmt: skip
+    walk = Level(1.0, 0.1, 1.0, "wandering", Spectrum(1.0, walk=(0.15 / (2 * np.pi)) ** 2))
+    known = [with_noise(run, {f"theta_{k}": walk for k in (1, 2, 3)}, 3) for run in runs]
+    left = []
+    for some in (plain, runs, known):
+        model = RigModel(rig, some, noise, dict(EFFECTS))
+        fit = refit(model, Point(np.zeros(len(model.priors))))
+        model.rebase(fit.point)
+        left.append(model.group_rms(refit(model, fit.point).residual, "train")["a"])
+    white, beside, counted = left
+    assert white == pytest.approx(1.0, abs=0.1)
+    assert counted == pytest.approx(white, abs=0.3 * (beside - white) + 0.05)
 
 
 def test_whitening_turns_a_low_rank_covariance_into_white_noise():

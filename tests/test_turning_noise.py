@@ -11,11 +11,13 @@ from tiers import tiered
 
 from benchmarks.hidden_effects.cases import drawn
 from benchmarks.hidden_effects.sensors import TURNING
+from omnijax.diagnosis._machine._motion.smooth import smooth
 from omnijax.diagnosis._machine._noise.data_vector import DataRows, make_rows
+from omnijax.diagnosis._machine._noise.encoders import smoothed_errors, turned_errors
 from omnijax.diagnosis._machine._noise.turning_noise import RunWaves, TurningNoise
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.runs import Run, with_noise
-from omnijax.diagnosis._search import Effect, Point, Search
+from omnijax.diagnosis._search import Effect, Point, Search, Spectrum
 from omnijax.diagnosis._settings import SETTINGS
 
 RATE, SECONDS = 250, 3
@@ -89,6 +91,41 @@ def test_white_noise_and_an_offset_of_each_run_have_no_colour():
         offsets = rng.normal(size=(2, 6)) * ([1.0] * 3 + [0.0] * 3)
         tables = [residual(rng) + offset for offset in offsets]
         assert told(tables).shown(NAMES) == [{}, {}]
+
+
+@pytest.mark.parametrize("colour", ["walk", "low-pass"])
+def test_the_error_of_a_smoothed_angle_is_as_large_as_is_said(colour):
+    """A walk of the encoders passes the smoother, and shakes the sphere through the shapes."""
+    rng, ratio, draws = drawn_anew(f"smoothed {colour}"), 1e5, 100
+    keep, walks = np.exp(-1 / 4), 0.2 * rng.normal(size=(N, draws)).cumsum(axis=0)
+    white = rng.normal(size=(N, draws))
+    spectrum = Spectrum(1.0, walk=(0.2 / (2 * np.pi)) ** 2)
+    noise = white + walks
+    if colour == "low-pass":  # 1/(1 + (f/corner)^2) of one that is slow against the sampling
+        level, corner = (1 + keep) / (1 - keep), (1 - keep) / (2 * np.pi * np.sqrt(keep))
+        spectrum = Spectrum(0.0, low_pass=level, corner=corner)
+        noise = np.asarray(lfilter([np.sqrt(1 - keep**2)], [1, -keep], white, axis=0))
+    shown = smooth(noise, 1.0, ratio)[0]
+    along = np.cos(np.pi * np.outer(np.arange(1, 8), (np.arange(N) + 0.5) / N)) * np.sqrt(2 / N)
+    said = np.sum((along @ smoothed_errors(N, ratio, spectrum)) ** 2, axis=1)
+    assert np.mean((along @ shown) ** 2, axis=1) / said == pytest.approx(np.ones(7), abs=0.8)
+    assert np.mean((along @ shown) ** 2 / said[:, None]) == pytest.approx(1.0, abs=0.25)
+    plain = np.sum((along @ smoothed_errors(N, ratio, None)) ** 2, axis=1)
+    assert plain == pytest.approx(np.ones(7), abs=0.05)
+
+
+def test_an_angle_that_a_gyro_tells_is_as_far_off_as_its_noise_brings_it():
+    rng, draws = drawn_anew("gyro for an encoder"), 100
+    walk = Spectrum(1.0, walk=(0.5 / (2 * np.pi)) ** 2)
+    noise = {"Omega_y": SimpleNamespace(ratio=2.0, spectrum=walk)}
+    axis, run = np.array([0.6, 0.8, 0.0]), with_noise(measured()[0], noise, 3)
+    x, y = rng.normal(size=(2, N, draws))
+    y = 2 * (y + 0.5 * rng.normal(size=(N, draws)).cumsum(axis=0))
+    angle = np.cumsum(1e-4 * (0.6 * x + 0.8 * y), axis=0) / RATE
+    along = np.sin(np.pi * np.outer(np.arange(2, 9), (np.arange(N) + 0.5) / N))  # hardly a slope's
+    along -= np.outer(along @ TIME / (TIME @ TIME), TIME)
+    said = np.sum((along @ turned_errors(run, axis, 1e-4)) ** 2, axis=1)
+    assert np.mean((along @ angle) ** 2 / said[:, None]) == pytest.approx(1.0, abs=0.35)
 
 
 @pytest.mark.parametrize("channel", [2, 4])

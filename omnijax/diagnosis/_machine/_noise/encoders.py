@@ -5,6 +5,9 @@ The elastic model is driven by smoothed angles.  Their error is smooth too: with
 has a slope the error moves the sphere, as an input rho'(theta) e that the elastic model answers
 with G.  So whitened dR and a have the covariance I + B B^T, B = sigma G rho' S^(1/2), of a rank far
 below their number.  Scores that took them for white called encoder noise an effect.
+
+Noise of a colour, of covariance sigma^2 C, leaves sigma^2 (S C S + S (I - S)): what the smoother
+passes of it, which of a walk is nearly all, and what it takes off the angle itself.
 """
 
 import functools
@@ -13,6 +16,8 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
+from ....recording import channels
+from ..._search import Spectrum, to_waves
 from ..._settings import SETTINGS
 from .._elastic import OUTPUTS, OutputModes, hold_weights, real_rows
 from .._motion import penalty
@@ -44,6 +49,19 @@ def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     return basis @ vectors[:, kept], np.minimum(gains[kept], 1.0)
 
 
+def smoothed_errors(samples: int, ratio: float, spectrum: Spectrum | None) -> np.ndarray:
+    """Columns (samples, k), a root of the covariance of a smoothed angle's error over sigma^2.
+
+    `spectrum` is that of the angle's noise in waves, over sigma^2; None where it is white.
+    """
+    modes, gains = smoother_modes(samples, ratio)
+    if spectrum is None:
+        return modes * np.sqrt(gains)
+    passed = np.sqrt(spectrum.power(samples))[:, None] * to_waves(modes) * gains
+    values, vectors = np.linalg.eigh(passed.T @ passed + np.diag(gains * (1 - gains)))
+    return modes @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, np.ndarray]:
     """Modes and variances of the integral of white noise of 1-sigma `scatter` at the samples."""
     count = min(samples, MOST // 2)
@@ -51,6 +69,25 @@ def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, n
     time = (np.arange(samples) + 0.5) / samples
     modes = np.sqrt(2 / samples) * np.sin(np.pi * np.outer(time, k))
     return modes, (scatter * step * samples / (np.pi * k)) ** 2
+
+
+def turned_errors(run: Run, axis: np.ndarray, sigma: float) -> np.ndarray:
+    """Columns (samples, k) in rad, a root of the covariance of an integral of Omega about an axis.
+
+    `axis` (3,) is that of a wheel's spin, `sigma` the group's 1-sigma in rad/s; of noise of a
+    colour a bias too that nobody knows.
+    """
+    n, level = run.samples, np.broadcast_to(run.level("Omega"), 3)
+    modes, variances = walk_modes(n, run.step, sigma)
+    f = (np.arange(len(variances)) + 0.5) / (2 * n)
+    power, bias = np.zeros(len(f)), 0.0
+    for share, name in zip((level * axis) ** 2, channels("Omega", len(run.torque.T)), strict=True):
+        spectrum = run.spectra.get(name, Spectrum(1.0))
+        power += share * spectrum.plain(f) * spectrum.beside(f)
+        if name in run.spectra:
+            bias += share * spectrum.power(n)[0] / n
+    slope = sigma * np.sqrt(bias) * run.time[:, None]
+    return np.concatenate([modes * np.sqrt(variances * power), slope], axis=1)
 
 
 def shape_response(modes: OutputModes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ....recording import channels
 from ....rig import Rig
 from ..._orthonormal import orthonormal
 from ..._settings import SETTINGS
@@ -12,7 +13,7 @@ from .._laws import on_time, readings
 from ..clocks import LoggerClock, offset_of
 from ..runs import SHAPE
 from .data_vector import DataRows, make_rows
-from .encoders import PARTS, response_rows, smoother_modes, walk_modes, whitener
+from .encoders import PARTS, response_rows, smoothed_errors, turned_errors, whitener
 
 START = SETTINGS.noise_model.start
 SMALL = SETTINGS.noise_model.small
@@ -43,15 +44,17 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     radius = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
     measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
     out = []
-    modes, gains = smoother_modes(run.samples, ratio)
     level = np.broadcast_to(run.level("theta"), rig.size)
+    names = channels("theta", rig.size)
     for k in range(rig.size):
         if np.isfinite(measured[:, k]).any():
-            out.append(modes * np.sqrt(gains) * machine.length_noise[k] * level[k] * radius[k])
+            error = smoothed_errors(run.samples, ratio, run.spectra.get(names[k]))
+            out.append(error * machine.length_noise[k] * level[k] * radius[k])
         else:  # the angle is the integral of Omega, from a start that is fitted
-            walks, power = walk_modes(run.samples, run.step, machine.noise.get("Omega", 0.0))
+            axis = np.asarray(rig.wheels.spin_axis)[k]
+            turned = turned_errors(run, axis, machine.noise.get("Omega", 0.0))
             start = np.full((run.samples, 1), START)
-            out.append(np.concatenate([walks * np.sqrt(power) * radius[k], start], axis=1))
+            out.append(np.concatenate([turned * radius[k], start], axis=1))
     return out
 
 
