@@ -15,9 +15,12 @@ from omnijax.diagnosis._machine._motion.smooth import smooth
 from omnijax.diagnosis._machine._noise.data_vector import DataRows, make_rows
 from omnijax.diagnosis._machine._noise.encoders import smoothed_errors, turned_errors
 from omnijax.diagnosis._machine._noise.turning_noise import RunWaves, TurningNoise
+from omnijax.diagnosis._machine._where.left_motion import turned_lengths
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._search import Effect, Point, Search, Spectrum
+from omnijax.diagnosis._search.readings import in_all_runs
+from omnijax.diagnosis._search.where import Asked, questions, shares
 from omnijax.diagnosis._settings import SETTINGS
 
 RATE, SECONDS = 250, 3
@@ -183,6 +186,43 @@ def test_rows_beside_coloured_noise_lack_the_starts_and_come_back():
     again = rows.unwhitened_rotation(first)
     np.testing.assert_allclose(left(rows, again * [level.ratio for level in noise.values()]), first,
                                atol=1e-6 * np.abs(first).max())  # fmt: skip
+
+
+def test_a_gyro_that_wanders_is_no_motion_that_its_lengths_show():
+    """Beside a bias the free starts leave as much in the lengths, the other way round."""
+    rng, (run, rows) = drawn_anew("gyro that is no motion"), measured()
+    for _ in range(3):
+        tables = [residual(rng, {c: drawn_walk(rng, 12) for c in range(3)}) for _ in range(3)]
+        parts = [turned_lengths(rows, left(rows, x), AXES, run.step) for x in tables]
+        for k in range(3):
+            lengths, shapes = zip(*((x[:, k], y[:, k : k + 1]) for x, y in parts), strict=True)
+            answer = in_all_runs("motion Omega", lengths, shapes, k)
+            assert answer is not None
+            assert answer["p"] > 1e-5
+
+
+def asked_of(rng, own) -> list[float]:
+    """By the time and by an order the least chance that channels of a run are noise; `own` see
+    `residual`."""
+    rows, tables = measured()[1], [residual(rng, own(rng)) for _ in range(3)]
+    noise = told(tables).shown(NAMES)[0]
+    drawn = rows.left_of_noise([noise.get(c) for c in NAMES], SETTINGS.where.shuffles)
+    values = rows.split(left(rows, tables[0]))[1]
+    angles, states = {"w1": 2 * np.pi * TIME**1.5}, {"time s": TIME}
+    asked = Asked(questions(TIME, angles, states))
+    answers = [x for c in range(6) for x in shares(values[:, c], asked, c, drawn=drawn[:, c])]
+    return [min(x["p"] for x in answers if x["domain"] == k) for k in ("time", "order")]
+
+
+def test_what_free_starts_leave_of_a_walk_hangs_on_no_time():
+    """A healthy machine was unknown: a slope in every window stood in one of nine bins of time."""
+    rng, chances = drawn_anew("bins of time"), []
+    for _ in range(2):
+        chances.append(asked_of(rng, lambda r: {c: drawn_walk(r, 6) for c in range(3)})[0])
+    assert min(chances) > 1e-5
+    wave = np.sin(14 * np.pi * TIME**1.5)  # an order is no walk
+    own = {4: drawn_walk, 3: lambda r, size: r.normal(size=N) + size / 6 * wave}
+    assert asked_of(rng, lambda r: {c: f(r, 6) for c, f in own.items()})[1] < 1e-7
 
 
 def taken_for_noise(drifts: bool, rng, place: int) -> bool:

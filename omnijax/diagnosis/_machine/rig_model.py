@@ -74,6 +74,8 @@ class RigModel(AbstractModel):
         clocks = clock_priors(self.groups, {p.name for p in stated}, self.fitted)
         self.priors, self._clocks = [*clocks, *stated], len(clocks)
         self.splits["first train"] = self.splits["train"][:1]
+        # noise of the rotation that was told last: the basis and the point that it hangs on, and it
+        self._turning: tuple[object, object, list[dict[str, Level]]] = None, None, []
         self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
         longest = max((run.samples for run in runs), default=0)
         self._runs = [dataclasses.replace(run, longest=longest) for run in runs]
@@ -346,6 +348,18 @@ class RigModel(AbstractModel):
         which = [*self.splits["train"], *self.splits["held-out"]]
         if any(self.machine.rows[i].turning is not None for i in which):
             return []
+        asked = point.u.tobytes(), repr(point.effects)
+        if self._turning[0] is not self.machine.basis or self._turning[1] != asked:
+            self._turning = self.machine.basis, asked, self._turning_levels(point, which)
+        return self._turning[2]
+
+    def turning_noise_of(self, point: Point, i: int) -> dict[str, Level]:
+        """`turning_levels` of run `i`."""
+        every = dict(zip([*self.splits["train"], *self.splits["held-out"]],
+                         self.turning_levels(point), strict=False))  # fmt: skip
+        return every.get(i, {})
+
+    def _turning_levels(self, point: Point, which: Sequence[int]) -> list[dict[str, Level]]:
         names = rotation_channels(self.rig.size)
         keys = [whole_of(self.machine.runs[i], i) for i in which]
         shown = dict(zip(dict.fromkeys(keys), self.turning_noise(point).shown(names), strict=True))

@@ -25,6 +25,7 @@ SCATTER = SETTINGS.levels.scatter
 BETTER = SETTINGS.levels.better
 FREE = SETTINGS.levels.free
 ALIKE = SETTINGS.levels.alike
+BEGUN = 1 / 3  # run lengths for which a walk would have gone on whose level is a run's mean
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +43,14 @@ class Level:
     colour: str = "white"
     spectrum: Spectrum | None = None
     samples: int = 1
+
+    def amplitudes(self, samples: int) -> np.ndarray:
+        """1-sigma (samples,) of the waves of a run of such noise, over the assumed sigma.
+
+        A walk begins with the run; the mean of what it is at n samples has the variance n/3 steps.
+        """
+        power = 1.0 if self.spectrum is None else self.spectrum.power(samples, BEGUN)
+        return self.ratio * np.sqrt(np.broadcast_to(power, (samples,)))
 
     def white(self, level: float) -> "Level":
         """The same as white noise of another level."""

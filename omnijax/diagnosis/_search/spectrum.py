@@ -68,15 +68,15 @@ class Spectrum:
         """What it rises to."""
         return "wandering" if self.walk else "low-pass" if self.low_pass else "white"
 
-    def power(self, samples: int) -> np.ndarray:
+    def power(self, samples: int, earlier: float = EARLIER) -> np.ndarray:
         """Power (samples,) of the waves of a run.
 
         The mean's is that of the white and the low-pass part at frequency zero, and of a walk that
-        had gone on for `EARLIER` such runs before.
+        had gone on for `earlier` such runs before: of one that nobody knows, unless told.
         """
         f = wave_frequencies(samples)
         step = (2 * np.pi) ** 2 * self.walk  # variance of a walk's steps
-        mean = self.white + self.low_pass + samples * (EARLIER * samples * step)
+        mean = self.white + self.low_pass + samples * (earlier * samples * step)
         power = np.append(mean, self.plain(f[1:]))
         f[0] = f[1]
         return power * self.beside(f)

@@ -7,7 +7,9 @@ the measured angle of every sample, so the sampling rate does not fold them.
 
 Orders and states have to beat two nulls: blocks of the residual, shuffled and given random signs,
 and residuals of the same spectrum with random phases (Theiler and others, 1992), since noise that
-wanders keeps its colour only in those.  A line in Hz has to beat its neighbours as well: noise of
+wanders keeps its colour only in those.  Where a residual lacks what was fitted to noise it is
+stationary no more, and has to beat what is left of such noise too (a parametric bootstrap: Efron,
+Tibshirani, 1993).  A line in Hz has to beat its neighbours as well: noise of
 any colour is smooth over frequencies, a line is not.
 """
 
@@ -138,10 +140,12 @@ def shares(
     asked: Sequence[WhereQuestion] | Asked,
     seed: int = 0,
     own: Sequence[WhereQuestion] = (),
+    drawn: np.ndarray | None = None,
 ) -> list[dict[str, Any]]:
     """Share of the residual's power and its p-value for every question (1-D residual).
 
-    `own` questions are asked of this residual alone.
+    `own` questions are asked of this residual alone; `drawn` (samples, m) are residuals of noise
+    alone, of its likeliest colour, where these are known.
     """
     power = float(residual @ residual)
     if power == 0:
@@ -161,6 +165,8 @@ def shares(
         table = answers(np.concatenate([first[:, None], null], axis=1), without_level) / total
         chances.append(p_value(table[:, 0], table[:, 1:]))
     share = answers(residual[:, None])[:, 0] / power
+    if drawn is not None:
+        chances.append(p_value(share, answers(drawn) / np.sum(drawn**2, axis=0)))
     out = [_answer(q, x, max(p)) for q, x, *p in zip(plain, share, *chances, strict=True)]
     bands = asked.lines(np.concatenate([residual[:, None], shuffled], axis=1)) / power
     middle = np.array([q.value for q in asked.bands])
@@ -322,11 +328,12 @@ def discovered(
     top: int = SHOWN,
     own: Mapping[str, Sequence[WhereQuestion]] | None = None,
     answers: Sequence[dict[str, Any]] = (),
+    drawn: Mapping[str, np.ndarray] | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(the strongest discoveries, all answers) of residuals by channel, in sigma.
 
     `own` holds by channel the questions that are asked of it alone, `answers` what was asked
-    elsewhere and stands or falls with the others.
+    elsewhere and stands or falls with the others, `drawn` what noise alone leaves (see `shares`).
     Every answer says whether it `stands`; where none does, the likeliest few are returned so
     marked, of the channels that are missed most: what is smooth may be large and yet like noise of
     its own colour.
@@ -337,7 +344,8 @@ def discovered(
         if rms < ROUNDING:
             continue
         further = () if own is None else own.get(label, ())
-        for answer in shares(column, asked, len(everything), further):
+        null = None if drawn is None else drawn.get(label)
+        for answer in shares(column, asked, len(everything), further, null):
             mirror = 1 / step - answer["value"] if answer["domain"] == "frequency" else None
             everything.append(
                 {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,

@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from ....recording import channels
 from ..._orthonormal import orthonormal
-from ..._search import of_waves, to_waves
+from ..._search import Level, of_waves, to_waves
 from ..._settings import SETTINGS
 from ..runs import Run
 
@@ -158,6 +158,25 @@ class DataRows:
     def unwhitened_rotation(self, x: np.ndarray) -> np.ndarray:
         """The same of the rotation (samples, 3 + n), but for a part along the windows' starts."""
         return _unbleached(self.split(x)[1], self.turning, self.rotation)
+
+    def left_of_noise(self, noise: Sequence[Level | None], count: int) -> np.ndarray:
+        """What is left (samples, 3 + n, count) of rotations that hold noise alone, drawn anew.
+
+        `noise` by channel, None of white noise as it is assumed; where the rows are whitened in
+        time it is that by which they are.  Equal calls draw the same.
+        """
+        n, wide = self.rotation.shape
+        if self.turning is None:
+            size = [np.ones(n) if x is None else x.amplitudes(n) for x in noise]
+            amplitudes = np.stack(size, axis=1)
+        else:
+            amplitudes = 1 / self.turning.T
+        waves = np.random.default_rng(0).normal(size=(count, n, wide)) * amplitudes
+        out = np.zeros((count, self.size))
+        drawn = np.where(self.rotation > 0, of_waves(waves, 1), 0.0)
+        out[:, self.elastic.size :] = drawn.reshape(count, -1)
+        self.take_off(out)
+        return np.moveaxis(out[:, self.elastic.size :].reshape(count, n, wide), 0, 2)
 
     @property
     def windows(self) -> list[slice]:

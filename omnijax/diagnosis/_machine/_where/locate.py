@@ -5,13 +5,14 @@ which hangs what its sensor does to it, and a change over the run of what the mo
 constant, calibrated numbers and the strengths of effects alike.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..._orthonormal import orthonormal
 from ..._search import (
+    Level,
     Point,
     WhereQuestion,
     discovered,
@@ -23,13 +24,15 @@ from ..._search import (
     value_of,
 )
 from ..._settings import SETTINGS
+from .._noise import DataRows
 from ..clocks import CLOCK
-from .left_motion import accelerating, rolled
+from .left_motion import accelerating, turned_lengths
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
 STEP = SETTINGS.locate.step
 ALIKE = SETTINGS.locate.alike
 SMALL = SETTINGS.locate.small
+SHUFFLES = SETTINGS.where.shuffles
 DIGITS = SETTINGS.locate.digits
 
 
@@ -53,7 +56,23 @@ def locate(
     for c in "xyz":
         own[f"a_{c}"] += accelerating(f"dR_{c}", columns[f"dR_{c}"], step)
     answers = _in_all_runs(model, rig, labels, beside)
-    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own, answers)
+    time, signals = machine.runs[i].time, _signals(machine, rig, i)
+    drawn = _drawn(machine.rows[i], model.turning_noise_of(point, i), labels[6:])
+    return discovered(time, columns, *signals, top, own, answers, drawn)
+
+
+def _drawn(
+    rows: DataRows, noise: Mapping[str, Level], channels: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """By channel of the rotation residuals (samples, m) of a run that holds noise alone.
+
+    Of the colours `noise`; the free starts take up a part of it, and leave the rest bent in every
+    window.  None where it is white: blocks of a residual, shuffled, say as much.
+    """
+    if not noise and rows.turning is None:
+        return {}
+    left = rows.left_of_noise([noise.get(c) for c in channels], SHUFFLES)
+    return {c: left[:, k] for k, c in enumerate(channels)}
 
 
 def _in_all_runs(model, rig, labels: list[str], every: Sequence[int]) -> list[dict[str, Any]]:
@@ -76,15 +95,10 @@ def _in_all_runs(model, rig, labels: list[str], every: Sequence[int]) -> list[di
 
 
 def _turned(machine, rig, i: int, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is left of the rolled lengths of run `i` in sigma (samples, n), NaN where nothing
-    counts; and what they would be left by what is left of Omega."""
-    rows, run = machine.rows[i], machine.runs[i]
-    table, weight = rows.unwhitened_rotation(vector), rows.rotation
-    speed = np.divide(table, weight, out=np.zeros_like(table), where=weight > 0)[:, :3]
-    axes = machine.motions(rig, [i])[i].axes
+    """`turned_lengths` of run `i`."""
+    run, axes = machine.runs[i], machine.motions(rig, [i])[i].axes
     axes = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))]
-    lengths = [rolled(speed, axes[:, k], run.step, rows.windows) for k in range(rig.size)]
-    return table[:, 3:], np.concatenate(lengths, axis=1)
+    return turned_lengths(machine.rows[i], vector, axes, run.step)
 
 
 def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
