@@ -87,13 +87,20 @@ def test_a_gyro_that_wanders_is_told_from_what_the_free_starts_leave_of_it():
     assert np.mean(sizes) == pytest.approx(1.0, abs=0.25)
 
 
-def test_white_noise_and_an_offset_of_each_run_have_no_colour():
-    """A gyro that is turned on anew for every run."""
+def test_white_noise_has_no_colour_and_an_offset_of_each_run_does_not_widen_it():
+    """A gyro that is turned on anew for every run: its noise had been shown a third too large."""
     rng = drawn_anew("white turning")
-    for _ in range(4):
-        offsets = rng.normal(size=(2, 6)) * ([1.0] * 3 + [0.0] * 3)
+    for _ in range(2):
+        assert told([residual(rng) for _ in range(2)]).shown(NAMES) == [{}, {}]
+        offsets = rng.choice([-1, 1], (2, 6)) * rng.uniform(1, 2, (2, 6)) * ([1.0] * 3 + [0.0] * 3)
         tables = [residual(rng) + offset for offset in offsets]
-        assert told(tables).shown(NAMES) == [{}, {}]
+        shown = told(tables).shown(NAMES)
+        assert {x.colour for x in shown[0].values()} == {"offset by run", "white"}
+        for noise, table in zip(shown, tables, strict=True):
+            rows = measured(noise)[1]
+            plain = rows.split(left(rows, table))[1]
+            assert [x.ratio for x in noise.values()] == pytest.approx(np.ones(6), abs=0.15)
+            assert np.mean(plain**2, axis=0) == pytest.approx(np.ones(6), abs=0.25)
 
 
 @pytest.mark.parametrize("colour", ["walk", "low-pass"])

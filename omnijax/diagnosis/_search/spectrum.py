@@ -54,7 +54,8 @@ class Spectrum:
     """Power by frequency f (cycles a sample) of white, walking and low-pass noise.
 
     (white + walk/f^2 + low_pass/(1 + (f/corner)^2)) times `ratio`, which holds (frequencies,
-    ratios) between which it is straight in logarithms.
+    ratios) between which it is straight in logarithms.  `offset` is the power that the mean has
+    beside, of an offset that is another one in every run.
     """
 
     white: float
@@ -62,11 +63,13 @@ class Spectrum:
     low_pass: float = 0.0
     corner: float = 1.0
     ratio: tuple[np.ndarray, np.ndarray] = (np.ones(1), np.ones(1))
+    offset: float = 0.0
 
     @property
     def colour(self) -> str:
         """What it rises to."""
-        return "wandering" if self.walk else "low-pass" if self.low_pass else "white"
+        names = {"wandering": self.walk, "low-pass": self.low_pass, "offset by run": self.offset}
+        return next((name for name, power in names.items() if power), "white")
 
     def power(self, samples: int, earlier: float = EARLIER) -> np.ndarray:
         """Power (samples,) of the waves of a run.
@@ -76,7 +79,8 @@ class Spectrum:
         """
         f = wave_frequencies(samples)
         step = (2 * np.pi) ** 2 * self.walk  # variance of a walk's steps
-        mean = self.white + self.low_pass + samples * (earlier * samples * step)
+        level = self.white + self.low_pass + self.offset
+        mean = level + samples * (earlier * samples * step)
         power = np.append(mean, self.plain(f[1:]))
         f[0] = f[1]
         return power * self.beside(f)

@@ -323,18 +323,18 @@ class TurningNoise:
 
     def shown(self, names: Sequence[str]) -> list[dict[str, Level]]:
         """By run the `Level` of the channels, by name; of none where none has a colour."""
-        walks = self.likeliest[0][: len(self.channels)]
-        extra = {c: float(POWERS[k]) for c, k in zip(self.channels, walks, strict=True)}
-        if not any(extra[c] or self.bases[c].low_pass for c in self.channels):
+        walks, offsets = np.split(POWERS[self.likeliest[0]], 2)
+        extra = dict(zip(self.channels, zip(walks, offsets, strict=True), strict=True))
+        if not any(np.any(extra[c]) or self.bases[c].low_pass for c in self.channels):
             return [{} for _ in self.runs]
-        return [{names[c]: self._level(k, c, extra[c]) for c in self.channels}
+        return [{names[c]: self._level(k, c, *map(float, extra[c])) for c in self.channels}
                 for k in range(len(self.runs))]  # fmt: skip
 
-    def _level(self, run: int, channel: int, walk: float) -> Level:
-        """The level of a channel of a run, that of its quickest waves."""
+    def _level(self, run: int, channel: int, walk: float, offset: float) -> Level:
+        """The level of a channel of a run, that of its quickest waves; of some powers beside."""
         own = self.runs[run]
         base, walk = self.bases[channel], self.walk(run, channel, walk)
-        spectrum = dataclasses.replace(base, walk=walk)
+        spectrum = dataclasses.replace(base, walk=walk, offset=offset)
         error = (2 * np.sum(wave_frequencies(len(own.waves)) > HIGH)) ** -0.5
         level, colour = float(self.levels[run][channel]), spectrum.colour
         return Level(level, float(error), level, colour, None if colour == "white" else spectrum,
