@@ -22,9 +22,11 @@ import re
 import stat
 import sys
 import tempfile
+import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import equinox as eqx
@@ -40,10 +42,13 @@ from ._config import cache_folder
 from ._private import config_folder, private_folder
 from ._waiting import told
 
-FILES = 64  # the most that are kept, the last used
-HELD = 32  # the most in memory
+ROOM = 400e6  # bytes of the files that are kept, the last used: mostly 30 kB each, up to 6 MB
+HELD = 512  # the most in memory: a diagnosis asks for up to 200
 _held: dict[Any, Callable] = {}
+_order = threading.Lock()  # of `_held`
+_making = threading.RLock()  # one at a time: jax's settings are others meanwhile
 _NUMPY = (np.ndarray, np.generic)
+_ARRAY = (*_NUMPY, jax.Array)
 _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
@@ -52,8 +57,9 @@ def kept(function: Callable) -> Callable:
     """`function` as a compiled program that is kept across processes.
 
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
-    transformation, with laws from outside this package, or not on one ordinary CPU.  Results
-    must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
+    transformation, with laws from outside this package, or not on one ordinary CPU.  Arguments may
+    be functions of this package too.  Results must be pytrees of arrays, words and Python's numbers
+    whose classes belong to this package.
     A call may say how much `effort` its compilation is worth.  A program is kept for each effort,
     and a call without a kept program is compiled with that effort too.
     """
@@ -62,24 +68,39 @@ def kept(function: Callable) -> Callable:
     @functools.wraps(function)
     def run(*args, effort: Effort = Effort.QUICK):
         leaves, tree = jax.tree.flatten(args)
-        leaves = [jnp.asarray(x) if isinstance(x, _NUMPY) else x for x in leaves]
         if not _suits(leaves):
             return jitted(effort, leaves)(*args)
         shapes = tuple(_shape(x) for x in leaves)
         settings = _settings()
         known = (function, effort, tree, shapes, settings)
-        if known not in _held:
+        program = _in_memory(known)
+        if program is None:
             if not _package_only(args):
                 return jitted(effort, leaves)(*args)
-            name = f"{function.__module__}.{function.__qualname__}"
-            key = "\n".join(map(str, (name, effort, tree, shapes, settings, _origin())))
-            _held[known] = _load(key) or _make(function, leaves, tree, key, effort)
-        _held[known] = program = _held.pop(known)  # the last used are the last
-        while len(_held) > HELD:
-            del _held[next(iter(_held))]
-        return program([x for x in leaves if isinstance(x, jax.Array)])
+            key = "\n".join(map(str, (_name(function), effort, tree, shapes, settings, _origin())))
+            with _making:  # another thread may just have done so
+                program = _in_memory(known) or _load(key)
+                program = program or _make(function, leaves, tree, key, effort)
+                _hold(known, program)
+        return program([x for x in leaves if isinstance(x, _ARRAY)])
 
     return run
+
+
+def _in_memory(known: Any) -> Callable | None:
+    """The program held under a key."""
+    with _order:
+        program = _held.pop(known, None)
+        if program is not None:
+            _held[known] = program  # the last used are the last
+    return program
+
+
+def _hold(known: Any, program: Callable) -> None:
+    with _order:
+        _held[known] = program
+        while len(_held) > HELD:
+            del _held[next(iter(_held))]
 
 
 def _by_effort(function: Callable) -> Callable[[Effort, list[Any]], Callable]:
@@ -109,17 +130,33 @@ def _suits(leaves: list[Any]) -> bool:
     device, *others = jax.devices()
     if device.platform != "cpu" or others or jax.config.jax_disable_jit:  # pyright: ignore
         return False
+    there = {device}
     return all(
-        isinstance(x, _STATIC) or (_is_concrete(x) and x.devices() == {device}) for x in leaves
-    )
+        isinstance(x, _NUMPY) or (_is_concrete(x) and x.devices() == there)
+        or isinstance(x, _STATIC) or _is_own(x)
+        for x in leaves
+    )  # fmt: skip
 
 
 def _is_concrete(x: Any) -> bool:
     return isinstance(x, jax.Array) and not isinstance(x, Tracer)
 
 
+def _is_own(x: Any) -> bool:
+    """Whether it is a function that stands in a module of this package, so `_origin` has it."""
+    if not isinstance(x, FunctionType) or x.__module__.split(".")[0] != __name__.split(".")[0]:
+        return False
+    return getattr(sys.modules[x.__module__], x.__qualname__, None) is x
+
+
+def _name(function: Callable) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
 def _shape(x: Any) -> tuple[Any, ...]:
-    return (x.shape, x.dtype, x.weak_type) if isinstance(x, jax.Array) else (type(x), x)
+    if isinstance(x, _ARRAY):
+        return x.shape, jax.dtypes.canonicalize_dtype(x.dtype), getattr(x, "weak_type", False)
+    return (FunctionType, _name(x)) if isinstance(x, FunctionType) else (type(x), x)
 
 
 def _settings() -> tuple[Any, ...]:
@@ -246,11 +283,11 @@ def _register_lapack() -> None:
 @told()
 def _make(function: Callable, leaves: list[Any], tree: Any, key: str, effort: Effort) -> Callable:
     """Trace, lower and compile; keep the program where it can be."""
-    arrays, words = [x for x in leaves if isinstance(x, jax.Array)], []
+    arrays, words = [x for x in leaves if isinstance(x, _ARRAY)], []
 
     def flat(*arrays):
         given = iter(arrays)
-        full = [next(given) if isinstance(x, jax.Array) else x for x in leaves]
+        full = [next(given) if isinstance(x, _ARRAY) else x for x in leaves]
         result = function(*jax.tree.unflatten(tree, full))
         static, moving = eqx.partition(result, lambda x: isinstance(x, _STATIC))
         words.append(static)
@@ -294,6 +331,15 @@ def _store(file: Path, seal: bytes, body: bytes) -> None:
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
         part.write(seal + b"\n" + body)
     os.replace(part.name, file)
-    used = sorted(file.parent.iterdir(), key=lambda path: -path.stat().st_mtime)
-    for old in used[FILES:]:
-        old.unlink(missing_ok=True)
+    room = ROOM
+    for path, state in sorted(_files(file.parent), key=lambda entry: -entry[1].st_mtime):
+        room -= state.st_size
+        if room < 0:
+            path.unlink(missing_ok=True)
+
+
+def _files(folder: Path) -> Iterator[tuple[Path, os.stat_result]]:
+    """Files that are there now; another process may take some away meanwhile."""
+    for path in folder.iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            yield path, path.stat()

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import jax
@@ -15,6 +16,8 @@ import pytest
 from omnijax import _programs, _waiting
 from omnijax._compiling import Effort, quick_jit
 from omnijax._programs import kept
+from omnijax.dynamics._attitude import quaternion_of
+from omnijax.vibration._amplitude import peak_to_peak
 
 RIGHT = jnp.array([3.0, -1.0, 0.5])
 MATRIX = jnp.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]])
@@ -145,9 +148,37 @@ def test_the_switch_turns_it_off(folder, monkeypatch):
 
 
 def test_the_least_used_files_make_room(folder, monkeypatch):
-    monkeypatch.setattr(_programs, "FILES", 2)
     for size in (1, 2, 3):
         Counted()(MATRIX[:size, :size], RIGHT[:size])
+        largest = max(file.stat().st_size for file in folder.iterdir())
+        monkeypatch.setattr(_programs, "ROOM", 2.5 * largest)
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_threads_that_ask_at_once_trace_one_program(folder):
+    counted, together = Counted(), threading.Barrier(4)
+
+    def ask(_):
+        together.wait()
+        return np.asarray(counted(MATRIX, RIGHT))
+
+    with ThreadPoolExecutor(4) as pool:
+        values = list(pool.map(ask, range(4)))
+    assert counted.traced == 1
+    assert all(np.array_equal(x, values[0]) for x in values)
+
+
+def half(x):
+    """A function that is no part of the package."""
+    return x / 2
+
+
+def test_functions_of_the_package_are_told_apart_and_others_take_the_ordinary_path(folder):
+    applied = kept(lambda function, x: function(x))
+    for function in (peak_to_peak, quaternion_of, peak_to_peak, quaternion_of):
+        np.testing.assert_allclose(applied(function, RIGHT), function(RIGHT), rtol=1e-14)
+    assert len(list(folder.iterdir())) == 2
+    assert np.array_equal(applied(half, RIGHT), RIGHT / 2)
     assert len(list(folder.iterdir())) == 2
 
 

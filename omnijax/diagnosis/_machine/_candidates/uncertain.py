@@ -8,11 +8,11 @@ are turned by an angle, the sphere's centre of mass is shifted along each axis, 
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from ...._errors import InputError
+from ...._programs import kept
 from ....laws import EFFECTS
 from ....rig import (
     ANGLES,
@@ -63,7 +63,7 @@ def _priors(rig: Rig, key: str, sigma: float) -> list[Prior]:
     return [Prior(key, float(value), sigma, unit=parameter_info(rig, key).unit)]
 
 
-@eqx.filter_jit
+@kept
 def with_parameters(rig: Rig, paths: tuple[str, ...], values) -> Rig:
     """The rig with `values` at `paths`; compiled, since it is asked for at every residual."""
     for path, value in zip(paths, values, strict=True):

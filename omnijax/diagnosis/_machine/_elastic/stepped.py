@@ -10,6 +10,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy.linalg import expm
 
+from ...._programs import kept
 from ....rig import Rig
 from ....simulation import side_by_side
 from ..._search import STEPPED
@@ -137,7 +138,7 @@ def stepped_ports(rig: Rig) -> tuple[str, ...]:
     return tuple(port for port in SIGNALS if port in used)
 
 
-@jax.jit
+@kept
 def _static(laws: ElasticLaws, compliance, rows, signal):
     """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest.
 
@@ -202,7 +203,7 @@ def _force(laws: ElasticLaws, rows, d, memory, signal):
     return laws.tensions(signal + _times(rows, d), memory)
 
 
-@jax.jit
+@kept
 def forces(laws: ElasticLaws, rows, d, memory, signal):
     """Tensions (lanes, n a port) at one moment, and the rates of the laws' memories."""
     return jax.vmap(_force)(laws, rows, d, memory, _for_all(signal, len(d)))
@@ -224,7 +225,7 @@ def _led_to(before, predicted, corrected):
     return predicted + change / (1 - jnp.minimum(jnp.where(last == 0, 0.0, rate), STEADY))
 
 
-@jax.jit
+@kept
 def step_laws(laws: ElasticLaws, matrices, rows, start, signals):
     """(state, tensions (t, lanes, n a port)) of the laws, with the deviation they cause.
 

@@ -4,12 +4,12 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ...._programs import kept
 from ....dynamics import rest_memory, sensor_readings
 from ....laws import AbstractSensor, SensorSignal
 from ....rig import Rig
@@ -19,7 +19,7 @@ from ..clocks import LoggerClock, offset_of, only_delays, read_late
 from ..runs import Run
 
 
-@eqx.filter_jit
+@kept
 def _over(law, signal):
     return jax.vmap(law)(signal)
 
@@ -37,7 +37,7 @@ def along(law, signal: Any, run: Run | None = None) -> Any:
     return jax.tree.map(lambda x: np.asarray(x)[:length], out)
 
 
-@eqx.filter_jit
+@kept
 def sensed(law, signal: SensorSignal):
     """What a sensor's law adds to the values (t, c) of its signal."""
     return law(signal)

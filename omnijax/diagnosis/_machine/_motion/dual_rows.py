@@ -10,6 +10,7 @@ it is seen; Omega tells the row instead.
 import jax
 import numpy as np
 
+from ...._programs import kept
 from ....dynamics import spin_axes
 from ....laws import DualRow
 from ....rig import Rig
@@ -79,7 +80,7 @@ def _both_rows(rig: Rig, theta: np.ndarray, wheel: int, switch: np.ndarray, quar
         yield np.asarray(_axes_along(rig.with_effects(()), at))[:, wheel]
 
 
-@jax.jit
+@kept
 def _axes_along(rig: Rig, theta):
     return jax.vmap(lambda angle: spin_axes(rig, angle))(theta)
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...._programs import kept
 from ....dynamics import wheel_shape
 from ....rig import Rig
 from ..._settings import SETTINGS
@@ -118,7 +119,7 @@ def _shape(rig: Rig, angle):
     return _heights(rig.with_effects([p for p in rig.effects if p.law.port in SHAPING]), angle)
 
 
-@jax.jit
+@kept
 def _heights(rig: Rig, angle):
     return jax.vmap(lambda a: wheel_shape(rig, a))(angle)
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from ...._programs import kept
 from ....dynamics import RotationMoment, TurningLaws, combined, rest_memory, torques
 from ....rig import Rig
 from ..._settings import SETTINGS
@@ -56,7 +57,7 @@ def observed_turning(rig: Rig, motion: RunMotion, path: Path, normal, step: floa
     path = path._replace(normal=padded(normal[:: FINE // 2], len(path.radius)))
     first = np.zeros(3) if at_rest else motion.turning[0]
     laws = TurningLaws.of(rig, masked=True)
-    omega = np.asarray(_integrate(bare(rig), laws, path, step, first))[:samples]
+    omega = np.asarray(_integrate(bare(rig), laws, path, np.asarray(step), first))[:samples]
     fine = np.full((len(normal), 3), np.nan)  # of a run that runs away
     if np.all(np.isfinite(omega)):
         fine = CubicSpline(np.arange(samples), omega)(np.arange(len(normal)) / FINE)
@@ -100,7 +101,7 @@ def path_along(
     return Path(*(jnp.asarray(padded(x, length)) for x in path))
 
 
-@jax.jit
+@kept
 def _integrate(rig: Rig, laws: TurningLaws, path: Path, step, first):
     """Omega (samples, 3): classical Runge-Kutta, one step a sample, halved where need be.
 

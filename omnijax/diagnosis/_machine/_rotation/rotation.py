@@ -5,10 +5,10 @@ import functools
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 
+from ...._programs import kept
 from ....dynamics import (
     Rolling,
     RotationMoment,
@@ -76,7 +76,7 @@ def turning(rig: Rig, run: Run, motion: RunMotion) -> MeasuredTurning:
     return MeasuredTurning(np.asarray(response)[:, : len(radius)], motion.axes)
 
 
-@jax.jit
+@kept
 def _responses(rig: Rig, radius, axes, attitude):
     def at(radius, axes, attitude):
         inertia = inertia_at(rig.sphere.inertia_matrix, attitude)
@@ -96,7 +96,7 @@ def commanded(rig: Rig, run: Run) -> np.ndarray:
     return np.stack([np.interp(times[:, k], fine, torque[:, k]) for k in range(rig.size)], axis=1)
 
 
-@eqx.filter_jit
+@kept
 def _command_times(placed, fine, size: int):
     return jax.vmap(lambda t: command_times(placed, t, size))(fine)
 
@@ -140,12 +140,12 @@ def each_law(run: Run, function, rig: Rig, laws: Sequence[Acting], at: RotationM
     return [tuple(x[k] for x in out) for k in range(len(laws))]
 
 
-@eqx.filter_jit
+@kept
 def _side_by_side(function, rig, laws, moving, still, step):
     return jax.vmap(lambda x: _along(function, rig, x[0], moving, still, x[1], step))(laws)
 
 
-@eqx.filter_jit
+@kept
 def _each(function, rig, law, moving, still, memory, step):
     return _along(function, rig, law, moving, still, memory, step)
 
@@ -164,7 +164,7 @@ def _held(values):
     return (values[0], None) if len(values) == 1 else (values, 0)
 
 
-def _parted(run: Run, at: RotationMoment) -> tuple[RotationMoment, RotationMoment, float, int]:
+def _parted(run: Run, at: RotationMoment) -> tuple[RotationMoment, RotationMoment, np.ndarray, int]:
     """What changes in time, and what holds for all times; None in its place in the other.
 
     The first led on to the longest run's end; with s between two moments, and their number.
@@ -174,7 +174,7 @@ def _parted(run: Run, at: RotationMoment) -> tuple[RotationMoment, RotationMomen
     return (
         RotationMoment(*(None if s else x for x, s in zip(led_on, still, strict=True))),  # pyright: ignore
         RotationMoment(*(x[0] if s else None for x, s in zip(at, still, strict=True))),  # pyright: ignore
-        run.step * (run.samples - 1) / (count - 1),
+        np.asarray(run.step * (run.samples - 1) / (count - 1)),
         count,
     )
 

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from ...._programs import kept
 from ....dynamics import actuated, body_torques, rolling_torques, shaft_torques
 from ....rig import Placed, Rig, acting, over_wheels
 from ..._settings import SETTINGS
@@ -92,7 +93,7 @@ def shape_along(law, angle, gap) -> np.ndarray:
     return np.asarray(_shape_law(law, angle, gap))
 
 
-@jax.jit
+@kept
 def _shape_law(law, angle, gap):
     return jax.vmap(lambda a: law(a, gap))(angle)
 
@@ -126,12 +127,12 @@ def _per_wheel(base: Linearisation, placed: Placed, signals) -> np.ndarray:
             out[:, i] = along(placed.law, here, base.run)
         else:
             here = jax.tree.map(base.run.as_longest, here)
-            followed = _remember(placed.law, here, base.run.step / FINE)
+            followed = _remember(placed.law, here, np.asarray(base.run.step / FINE))
             out[:, i] = np.asarray(followed)[: len(out)]
     return out
 
 
-@jax.jit
+@kept
 def _remember(law, signals, step):
     def rule(signal, state):
         return law(signal, state), law.rate(signal, state)
