@@ -163,7 +163,7 @@ def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):
     rng, K2 = np.random.default_rng(5), 1e8
     stated = plant.machine(rng)
     true = plant.perturbed(rng, stated)
-    drives = np.stack([plant.torques(true, plant.wander(rng, 3.0)) for _ in range(2)])
+    drives = np.stack([plant.torques(true, plant.wander(rng, 2.0)) for _ in range(2)])
     hidden = {"K2": np.array([0.0, K2, 0.0])}
     plant.write_case(tmp_path / "case", stated, plant.record(stated, true, hidden, drives, rng))
     law, out = tmp_path / "my_law.py", tmp_path / "out"

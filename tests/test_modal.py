@@ -443,7 +443,8 @@ def test_undamped_rigs_driven_at_a_natural_frequency():
     assert np.abs((got.slopes[:4, :, 4] - rise) / size).max() < 1e-4
 
 
-@pytest.mark.parametrize("count", tiered([1, 3], lambda count: count == 3))
+@pytest.mark.full  # in the gate their values, above; a search by slopes: test_design_in_bulk
+@pytest.mark.parametrize("count", [1, 3])
 def test_metrics_read_from_samples(count):
     """Slopes along a drawn direction are those between designs, of unlike wheels, and with effects.
 
