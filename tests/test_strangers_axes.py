@@ -6,7 +6,6 @@ import pytest
 from omnijax import cli
 from omnijax.diagnosis import diagnose
 from tests.seeds import drawn_anew
-from tests.tiers import tiered
 
 
 def sines(rng, low, high):
@@ -112,11 +111,8 @@ PLANTS = (cogging_behind_a_gear, disc_over_the_top, behind_a_controller, slide, 
           nothing)  # fmt: skip
 
 
-# in the gate held inputs: test_axis_rivals; friction: test_machine_speed
-IN_BRIEF = (cogging_behind_a_gear,)
-
-
-@pytest.mark.parametrize("plant", tiered(PLANTS, lambda plant: plant not in IN_BRIEF))
+@pytest.mark.full  # in the gate held inputs: test_axis_rivals; friction: test_machine_speed
+@pytest.mark.parametrize("plant", PLANTS)
 def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     table, truth, orders = plant(drawn_anew(plant.__name__))
     log = tmp_path / "log.csv"

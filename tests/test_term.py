@@ -28,7 +28,7 @@ from omnijax.machine import (
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
-pytestmark = pytest.mark.brief
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 STEP = 2e-3
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "diffrax.md"

@@ -31,7 +31,7 @@ from omnijax.cli._simulate.run import perform, planned
 from omnijax.simulation import ramp, table, to_recording
 from omnijax.simulation._run import PER_WHEEL
 
-pytestmark = pytest.mark.brief
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 
 @pytest.fixture(scope="module")

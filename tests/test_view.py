@@ -27,6 +27,8 @@ from omnijax.view import write_replay
 from omnijax.view._panel import Panel
 from omnijax.view._scene import embedded_json
 
+pytestmark = pytest.mark.long
+
 HOSTILE = "<script>window.hacked=1</script>"
 
 
