@@ -99,12 +99,14 @@ def test_a_run_with_a_first_speed_below_zero(type_, machine):
     assert "exists already" in type_(f"simulate rig.toml --speed {typed} --out run.nc", 2)[1]
 
 
+@pytest.mark.parametrize("machine", tiered(MACHINES, "four-wheel".__eq__), indirect=True)
 def test_the_spheres_own_motion(type_, machine):
     out = type_("simulate rig.toml --omega 0,0,0.5 --duration 1s --json")[0]
     found = json.loads(out)
     assert found["status"] == "ok" and 0 < found["rms"] < 1e-2 and found["warnings"] == []
 
 
+@pytest.mark.full  # in the gate: test_speed_misfits
 def test_speeds_that_do_not_fit_are_told(type_, machine):
     if machine[1] == 3:
         pytest.skip("three wheels at these angles take any speeds")
