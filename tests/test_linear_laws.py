@@ -191,6 +191,7 @@ def test_closed_forms_of_linear_laws_with_memory_are_what_steps_give(own):
     np.testing.assert_allclose(exact.dR, stepped.dR, rtol=0, atol=1e-9 * size)
 
 
+@pytest.mark.full  # in the gate such laws in runs, above; effects in long runs: test_one_evaluation
 def test_steady_states_of_linear_laws_are_those_of_the_numbers_that_they_are(own):
     """Every figure of it, by one solution."""
     rng = drawn_anew("long run of linear laws")
