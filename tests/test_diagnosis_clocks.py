@@ -200,6 +200,22 @@ def test_a_logger_may_be_started_anew_for_every_run(started_anew):
     assert left @ left < 1.2 * model.dof("held-out")
 
 
+def test_a_held_out_run_without_an_encoder_has_its_own_clock_of_Omega_too(started_anew):
+    """Its angles are those of Omega, read as late; it had the mean of the fitted runs."""
+    model, late = started_anew
+    runs = [
+        dataclasses.replace(run, start=run.outputs["theta"][0], outputs={
+            **run.outputs, "theta": np.where([True, False, False], np.nan, run.outputs["theta"])
+        })
+        for run in model.machine.runs
+    ]  # fmt: skip
+    blind = RigModel(model.rig, runs, model.noise, dict(EFFECTS))
+    blind.rebase(Point(np.zeros(len(blind.priors))))
+    assert blind.machine.tells_motion("Omega")
+    for group, own in late[2].items():
+        assert abs(blind.machine.clocks[2][group] - own) < 5e-5, group
+
+
 def test_what_a_held_out_clock_changes_is_taken_off_its_rows(started_anew):
     model, _ = started_anew
     point = Point(np.zeros(len(model.priors)))

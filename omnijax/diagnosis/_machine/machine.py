@@ -149,8 +149,7 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
-        # s by run and group: offsets of the clocks of runs that are not fitted; no motion hangs on
-        # them, and nothing that is kept
+        # s by run and group: offsets of the clocks of runs that are not fitted
         self.clocks: dict[int, dict[str, float]] = {}
         self._read_off_runs()
         self._kept = StageCache()
@@ -270,8 +269,14 @@ class Machine:
     def _by_run(self, stage: str, key: bytes, make: Callable[[int], Any], which) -> dict[int, Any]:
         """`make(i)` of the runs `which` (None: all), kept under the stage."""
         wanted = range(len(self.runs)) if which is None else which
-        made = each(lambda i: self._kept.get(stage, key + bytes([i]), lambda: make(i)), wanted)
+        made = each(lambda i: self._kept.get(stage, key + self._name(i), lambda: make(i)), wanted)
         return dict(zip(wanted, made, strict=True))
+
+    def _name(self, i: int) -> bytes:
+        """What stands for run `i` in names of what is kept: the number, and its own offsets of the
+        clocks by which it tells the motion."""
+        own = {g: d for g, d in self.clocks.get(i, {}).items() if self.tells_motion(g)}
+        return bytes([i]) + (digest(own) if own else b"")
 
     # --- stages -------------------------------------------------------------------------------
     def motions(self, rig: Rig, which=None) -> dict[int, RunMotion]:
@@ -324,7 +329,7 @@ class Machine:
 
     def _rotated(self, rig: Rig, i: int, turns: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
-        key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
+        key = self._motion_key(rig) + digest(rig.wheels.inertia) + self._name(i)
         response = self._kept.get("turning", key, lambda: turning(rig, run, m))
         command, path = commanded(rig, run), None
         if needs_observer(rig):
@@ -438,8 +443,9 @@ class Machine:
 
         Rigs that differ in what reads the outputs alone share one prediction.
         """
+        own = self._name(i)
         names = [
-            self._name_before_sensors(rig) + bytes([i, steps if stepped_ports(rig) else 1])
+            self._name_before_sensors(rig) + own + bytes([steps if stepped_ports(rig) else 1])
             for rig in rigs
         ]
         known = {name: self._kept.peek("predicted", name) for name in names}

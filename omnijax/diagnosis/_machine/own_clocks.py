@@ -24,7 +24,8 @@ AT_END = SETTINGS.model.at_end
 def fit_clocks(machine, rig: Rig, i: int) -> None:
     """Fit the offsets of run `i` of a machine about a rig, and free its rows of them.
 
-    Those of every group that has a clock, but of one that tells the motion, which is prepared.
+    Those of every group that has a clock.  Of one that tells the motion, as Omega does where no
+    encoder says an angle, each costs a motion.
     """
     rows, run = machine.rows[i], machine.runs[i]
     rows.late = None
@@ -32,7 +33,7 @@ def fit_clocks(machine, rig: Rig, i: int) -> None:
     mean = {
         p.place: float(p.law.delay)
         for p in machine.at_run(rig, i).at("sensor") if type(p.law) is LoggerClock
-        and p.place in run.outputs and not machine.tells_motion(p.place)
+        and p.place in run.outputs
     }  # fmt: skip
     if not mean:
         return
