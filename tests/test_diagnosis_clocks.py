@@ -276,6 +276,26 @@ def test_parts_of_one_run_have_one_clock(model):
     assert [parted.machine.runs[i].name for i in parted.unfitted] == ["run-1"]
 
 
+def test_the_benchmark_starts_loggers_anew_and_its_older_seeds_do_not():
+    """From a seed on; what older ones drew is compared with their answers."""
+    rng = drawn_anew("loggers of seeds")
+    new, old = (
+        [x for x in (sensors.drawn_noise(rng, 3, True, runs) for _ in range(400))
+         if x["fault"] == "clock"] for runs in (2, 0)
+    )  # fmt: skip
+    assert {np.shape(x["size"]) for x in new} == {(), (2,)}
+    assert {np.shape(x["size"]) for x in old} == {()}
+    assert sensors.started_anew(sensors.ANEW)
+    assert not sensors.started_anew(sensors.ANEW - 1)
+    late = cases.drawn(MACHINE, "none")
+    runs = len(late.torque)
+    late.noise |= {"fault": "clock", "at": "dR", "size": 1e-3 * np.arange(1, runs + 1)}
+    out = np.linspace(0.0, 1.0, 201)[:, None] * np.ones(6 + 4 * late.machine.wheels)
+    read = [cases.sensed(late, out, [], out[0], k)[100, 0] for k in range(runs)]
+    wanted = 0.5 - late.noise["size"] * sensors.FINE / 200
+    assert read == pytest.approx(wanted, abs=1e-9)
+
+
 def diagnosed(folder, late: dict[str, float]):
     """A healthy machine whose groups are read that many s late."""
     case = cases.drawn(MACHINE, "none")

@@ -12,7 +12,15 @@ from scipy.spatial.transform import Rotation
 from .. import plant
 from .effects import DRIFT_ANYWHERE, FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
 from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_motions
-from .sensors import GROUPS, columns_of, drawn_noise, noisy, of_all_groups, shifted
+from .sensors import (
+    GROUPS,
+    columns_of,
+    drawn_noise,
+    noisy,
+    of_all_groups,
+    shifted,
+    started_anew,
+)
 
 SECONDS = 3.0  # s a run
 LANES = 6  # runs side by side: those that find a size, or three with what is hidden and without
@@ -88,7 +96,8 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
         drop = ""
     rate = float(rng.choice([250.0, 500.0, 1000.0], p=[0.4, 0.4, 0.2]))
     torque, force = (linear_between(x, cut, rate) for x in (torque, force * forced))
-    noise = drawn_noise(rng, machine.wheels, of_all_groups(seed))
+    anew = runs if started_anew(seed) else 0
+    noise = drawn_noise(rng, machine.wheels, of_all_groups(seed), anew)
     case = Drawn(seed, chosen, hidden, machine, factors, rate, noise,
                  torque, force, start, widths, cut, drop, forced)  # fmt: skip
     return dataclasses.replace(case, lies=turned_back(case))
@@ -163,12 +172,14 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
         (id(case), *sizes): np.abs(out[: _size_end(case)]).max(axis=0)
         for out, (case, k, sizes) in zip(made, lanes, strict=True) if k == 0
     }  # fmt: skip
-    return [sensed(case, out, sizes, tops[id(case), *sizes])
-            for out, (case, _, sizes) in zip(made, lanes, strict=True)]  # fmt: skip
+    return [sensed(case, out, sizes, tops[id(case), *sizes], k)
+            for out, (case, k, sizes) in zip(made, lanes, strict=True)]  # fmt: skip
 
 
-def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -> np.ndarray:
-    """The readings: hidden effects of sensors, then a logger's clock.
+def sensed(
+    case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray, run: int
+) -> np.ndarray:
+    """The readings of a run: hidden effects of sensors, then a logger's clock.
 
     `tops` (columns,) are the largest outputs of what the sizes are found by.
     """
@@ -179,7 +190,8 @@ def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -
             out = h.limit(out, x, tops)
     if case.noise["fault"] == "clock":
         columns = columns_of(case.noise["at"], case.machine.wheels)
-        out = shifted(out, columns, case.noise["size"])
+        late = np.broadcast_to(case.noise["size"], len(case.torque))[run]
+        out = shifted(out, columns, float(late))
     return out
 
 

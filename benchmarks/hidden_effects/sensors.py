@@ -12,6 +12,7 @@ from .machines import FINE
 GROUPS = ("dR", "theta", "Omega", "a")
 BETWEEN = 8  # points between two samples at FINE, where a smooth reading is lagged
 TURNING = 1300  # seed from which Omega and theta wander, are low-passed and drift too
+ANEW = 1316  # seed from which loggers may be started anew for every run
 FAULTS = ("low-pass", "quantised", "wander", "clock")
 
 
@@ -65,10 +66,18 @@ def of_all_groups(seed: int) -> bool:
     return seed < 100 or seed >= TURNING
 
 
-def drawn_noise(rng: np.random.Generator, wheels: int, everywhere: bool) -> dict[str, Any]:
+def started_anew(seed: int) -> bool:
+    """Whether a seed draws clocks that are off by another time in every run."""
+    return seed < 100 or seed >= ANEW
+
+
+def drawn_noise(
+    rng: np.random.Generator, wheels: int, everywhere: bool, anew: int = 0
+) -> dict[str, Any]:
     """True 1-sigma by column, what is declared, and at most one further fault of a sensor.
 
-    Noise has a colour in every group where `everywhere`, else in dR and a.
+    Noise has a colour in every group where `everywhere`, else in dR and a.  A clock may be off by
+    another time in each of `anew` runs; 0: it is off by one in all.
     """
     names = plant.columns(wheels)
     scale = {g: np.exp(rng.uniform(np.log(0.6), np.log(1.6))) for g in GROUPS}
@@ -85,11 +94,11 @@ def drawn_noise(rng: np.random.Generator, wheels: int, everywhere: bool) -> dict
         sigma[noisy] *= rng.uniform(1.5, 3.0)
     drawn: dict[str, Any] = {"how": how, "sigma": sigma, "declared": declared, "fault": "none"}
     if rng.random() < 0.4:
-        drawn |= _drawn_fault(rng, wheels, everywhere)
+        drawn |= _drawn_fault(rng, wheels, everywhere, anew)
     return drawn
 
 
-def _drawn_fault(rng, wheels: int, everywhere: bool) -> dict[str, Any]:
+def _drawn_fault(rng, wheels: int, everywhere: bool, anew: int) -> dict[str, Any]:
     fault = str(rng.choice(FAULTS))
     if fault == "low-pass":
         groups = ["a", "dR", "Omega", "theta"] if everywhere else ["a", "dR"]
@@ -105,7 +114,9 @@ def _drawn_fault(rng, wheels: int, everywhere: bool) -> dict[str, Any]:
             return {"fault": fault, "at": at, "size": rng.uniform(0.5, 3)}
         names = [c for c in plant.columns(wheels) if everywhere or c[0] in "da"]
         return {"fault": fault, "at": str(rng.choice(names)), "size": rng.uniform(0.5, 3)}
-    return {"fault": fault, "at": str(rng.choice(["dR", "a"])), "size": rng.uniform(-8e-4, 8e-4)}
+    each = anew if anew and rng.random() < 0.5 else None
+    groups = ["dR", "a"] if each is None else ["dR", "Omega", "a"]
+    return {"fault": fault, "at": str(rng.choice(groups)), "size": rng.uniform(-8e-4, 8e-4, each)}
 
 
 def noisy(rng, out: np.ndarray, drawn: dict[str, Any], wheels: int) -> np.ndarray:
