@@ -25,6 +25,7 @@ from scipy.stats import false_discovery_control
 
 from .._orthonormal import orthonormal_of_many_rows
 from .._settings import SETTINGS
+from .._threads import each
 
 SHUFFLES = SETTINGS.where.shuffles
 RATE = SETTINGS.where.rate
@@ -338,19 +339,23 @@ def discovered(
     marked, of the channels that are missed most: what is smooth may be large and yet like noise of
     its own colour.
     """
-    asked, everything, step = Asked(questions(time, angles, states)), [], time[1] - time[0]
-    for label, column in columns.items():
-        rms = float(np.sqrt(np.mean(column**2)))
-        if rms < ROUNDING:
-            continue
-        further = () if own is None else own.get(label, ())
+    asked, step = Asked(questions(time, angles, states)), time[1] - time[0]
+    sizes = {label: float(np.sqrt(np.mean(column**2))) for label, column in columns.items()}
+    labels = [label for label, rms in sizes.items() if rms >= ROUNDING]
+    further = {label: () if own is None else own.get(label, ()) for label in labels}
+    counts = [len(asked.questions) + len(x) for x in further.values()]
+    seeds = dict(zip(labels, np.cumsum([0, *counts]).tolist(), strict=False))
+
+    def answered(label: str) -> list[dict[str, Any]]:
         null = None if drawn is None else drawn.get(label)
-        for answer in shares(column, asked, len(everything), further, null):
-            mirror = 1 / step - answer["value"] if answer["domain"] == "frequency" else None
-            everything.append(
-                {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,
-                 "stands": False}
-            )  # fmt: skip
+        return [
+            {"channel": label, "rms_over_noise": sizes[label], **answer,
+             "mirror": 1 / step - answer["value"] if answer["domain"] == "frequency" else None,
+             "stands": False}
+            for answer in shares(columns[label], asked, seeds[label], further[label], null)
+        ]  # fmt: skip
+
+    everything = [answer for some in each(answered, labels) for answer in some]
     everything += [{**answer, "mirror": None, "stands": False} for answer in answers]
     stand = discoveries(everything)
     for answer in stand:

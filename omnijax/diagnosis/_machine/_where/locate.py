@@ -24,6 +24,7 @@ from ..._search import (
     value_of,
 )
 from ..._settings import SETTINGS
+from ..._threads import each
 from .._noise import DataRows
 from ..clocks import CLOCK
 from .left_motion import accelerating, turned_lengths
@@ -83,15 +84,19 @@ def _in_all_runs(model, rig, labels: list[str], every: Sequence[int]) -> list[di
     vectors = [machine.residuals([rig], [i])[0] for i in every]
     (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
     left = [machine.rows[i].unwhitened(x) for i, x in zip(every, vectors, strict=True)]
-    out = {
-        label: on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c, steps)
-        for c, label in enumerate(labels[:6])
-    }
     turned = [_turned(machine, rig, i, x) for i, x in zip(every, vectors, strict=True)]
-    for k, label in enumerate(labels[-rig.size :]):
+
+    def of_reading(c: int) -> dict[str, Any] | None:
+        return on_reading(labels[c], [x[:, c] for x in left], [x[:, c] for x in read], c, steps)
+
+    def of_motion(k: int) -> dict[str, Any] | None:
         lengths, shapes = zip(*((x[:, k], y[:, k : k + 1]) for x, y in turned), strict=True)
-        out[label] = in_all_runs("motion Omega", lengths, shapes, k, steps)
-    return [{"channel": c, **answer} for c, answer in out.items() if answer is not None]
+        return in_all_runs("motion Omega", lengths, shapes, k, steps)
+
+    out = [*each(of_reading, range(6)), *each(of_motion, range(rig.size))]
+    asked = [*labels[:6], *labels[-rig.size :]]
+    return [{"channel": c, **answer} for c, answer in zip(asked, out, strict=True)
+            if answer is not None]  # fmt: skip
 
 
 def _turned(machine, rig, i: int, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
