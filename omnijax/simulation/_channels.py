@@ -15,14 +15,18 @@ from ._trajectory import Trajectory
 def trajectory(
     model: Model, drive, ts, states: State, status, steps, method, origin=None
 ) -> Trajectory:
-    """Every channel of a run from its states; `origin` is the run's start where not ts[0], s."""
+    """Every channel of a run from its states; `origin` is the run's start where not ts[0], s.
+
+    A run with `status` OK whose states or channels are not all finite ends as non-finite.
+    """
     start = ts[0] if origin is None else origin
 
     def channels(t, state):
         return sample(model, drive, start, t, state)
 
     values: dict[str, Any] = jax.vmap(channels)(ts, states)
-    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(values)]))
+    leaves = jax.tree.leaves((states, values))
+    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in leaves]))
     status = jnp.where((status == Status.OK) & ~finite, int(Status.NON_FINITE), status)
     return Trajectory(
         t=ts, **values, status=status, steps=steps, method=method, names=model.rig.names

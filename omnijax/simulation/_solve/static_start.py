@@ -59,7 +59,8 @@ def static_start(model: Model, angle, attitude):
             throw=False,
             max_steps=50,
         )
-        left, load = (jnp.max(jnp.abs(imbalance(y))) for y in (solved.value, start))
+        both = jax.vmap(imbalance)(jnp.stack([solved.value, start]))
+        left, load = jnp.max(jnp.abs(both), axis=1)
         balanced = (solved.result == optx.RESULTS.successful) | (left <= ROUNDING * load)
         solution = jnp.where(balanced, solved.value, jnp.nan)
     approach, mount, memory = unravel(solution)
