@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from ._modal import RunChannels as RunChannels
     from ._modal import SteadyFigures as SteadyFigures
     from ._modal import channels_of as channels_of
+    from ._modal import figures_obstacle as figures_obstacle
     from ._modal import modal_figures as modal_figures
     from ._modal import modal_obstacle as modal_obstacle
     from ._modal import modal_runs as modal_runs

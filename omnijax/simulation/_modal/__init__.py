@@ -8,6 +8,7 @@ from .bulk import modal_steady as modal_steady
 from .many_runs import ModalRuns as ModalRuns
 from .many_runs import modal_runs as modal_runs
 from .obstacles import BULK_METRICS as BULK_METRICS
+from .obstacles import figures_obstacle as figures_obstacle
 from .obstacles import modal_obstacle as modal_obstacle
 from .obstacles import modal_steady_obstacle as modal_steady_obstacle
 from .runs import RunChannels as RunChannels

@@ -19,7 +19,7 @@ from .batch import ready
 from .gradient import half_root
 from .groups import of_groups
 from .lanes import Lanes
-from .obstacles import BULK_METRICS, modal_obstacle, modal_steady_obstacle
+from .obstacles import BULK_METRICS, figures_obstacle, modal_steady_obstacle
 from .system import OUTPUTS, Layout, LinearDesign, Operating
 
 MARGINS = 2  # normal force and grip, the last ones of the figures
@@ -55,14 +55,14 @@ def modal_figures(
     their derivatives by the numbers in the rows.  The compiled programs depend on the rig's kinds
     of wheels and laws, not on numbers, paths or the closure `make`; the more designs there are in
     all (the rows, or `total` that they belong to), the more the compiler does for the programs.
-    Raises `ValueError` where `modal_obstacle` names a reason.
+    Raises `ValueError` where `figures_obstacle` names a reason.
     """
     every, count = jnp.asarray(step, float), jnp.asarray(round(duration / step) + 1, float)
 
     def figures(design: LinearDesign, layout: Layout, effort: Effort):
         return _figures(design, layout, every, count, gradient, effort=effort)
 
-    why = partial(modal_obstacle, metrics=metrics)
+    why = partial(figures_obstacle, metrics=metrics)
     both = _batches(make, rows, model, gradient, why, figures, total)
     chosen = [BULK_METRICS.index(name) for name in metrics]
     slopes = None if both.slopes is None else both.slopes[:, chosen]

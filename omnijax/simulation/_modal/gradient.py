@@ -58,7 +58,7 @@ def half_root(square):
 def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> System:
     """Derivatives by the matrices from those by poles and residues; batch last, `pairs` too."""
     total = len(g.direct)
-    columns = np.array([kind.column for kind in layout.kinds])
+    columns = np.array(layout.columns)
     place = np.append(columns, total)  # the start comes last
     value = pairs.value.real, pairs.value.imag
     V = unpacked(pairs.vector, value[1])  # (m, k, c)

@@ -3,27 +3,39 @@
 from collections.abc import Sequence
 
 from ...dynamics import hold_obstacle
-from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
+from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers, TableShape
 from ...rig import Rig
 from .._exact import exact_obstacle
+from .signals import wheels_with_tables
 
 BULK_METRICS = ("rms", "peak")  # gathered on the way; others are read from samples
 
 
-def modal_obstacle(
-    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
-) -> str | None:
-    """Why the modal core does not give these figures of the rig, in words; None where it does."""
+def modal_obstacle(rig: Rig, model: str = "coupled") -> str | None:
+    """Why the modal core does not give runs of the rig, in words; None where it does."""
     reason = exact_obstacle(rig, model) or hold_obstacle(rig, model)
     if reason is not None:
         return reason
-    others = [name for name in metrics if name not in BULK_METRICS]
-    if others:
-        return f"the modal core does not give {', '.join(others)}"
+    known = GatedSine | HalfSine | ContinuousSine | Rollers | TableShape
     for name, profile in zip(rig.names, rig.profiles, strict=True):
-        if not isinstance(profile, GatedSine | HalfSine | ContinuousSine | Rollers):
+        if not isinstance(profile, known):
             return f"wheel {name}'s profile `{profile.id}` is no sum of sinusoids"
     return None
+
+
+def figures_obstacle(
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
+) -> str | None:
+    """Why the modal core does not gather these figures on the way through runs of the rig."""
+    if others := [name for name in metrics if name not in BULK_METRICS]:
+        return f"the modal core does not give {', '.join(others)}"
+    return modal_obstacle(rig, model) or _table_obstacle(rig)
+
+
+def _table_obstacle(rig: Rig) -> str | None:
+    if not (tables := wheels_with_tables(rig)):
+        return None
+    return f"wheel {rig.names[tables[0]]}'s profile is a table, whose runs are read sample by sample"
 
 
 def modal_steady_obstacle(rig: Rig, model: str = "coupled") -> str | None:
@@ -31,6 +43,8 @@ def modal_steady_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     reason = modal_obstacle(rig, model)
     if reason is not None:
         return reason
+    if tables := wheels_with_tables(rig):
+        return f"wheel {rig.names[tables[0]]}'s profile `table` is no sum of sinusoids"
     laws = [(placed.law, placed.wheels) for placed in rig.at("shape")]
     for i, name in enumerate(rig.names):
         if sum(i in wheels for law, wheels in laws if isinstance(law, DamagedRoller)) > 1:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._compiling import on_cpu
 from ...rig import Rig
+from ._tables import table_outputs, with_tables
 from ._transient import (
     LENGTH,
     BlockTables,
@@ -85,7 +86,8 @@ def outputs_of(g: Lanes, layout: Layout, step, count, length: int) -> Float[Arra
         return _put(runs, block, s.done.astype(int))
 
     lanes = g.modes.l0.shape[-1]
-    return walk.run(gather, jnp.zeros((lanes, layout.rows, length)))
+    runs = walk.run(gather, jnp.zeros((lanes, layout.rows, length)))
+    return runs + table_outputs(g, layout, step * jnp.arange(length)) if layout.tables else runs
 
 
 def _put(runs: Float[Array, "c o t"], block: Float[Array, "c o k"], first: Int[Array, " c"]):
@@ -116,7 +118,12 @@ def run_slopes(g: Lanes, layout: Layout, step, count, weights: Float[Array, "c o
         return along.gather(totals, here, w, t, s, turn)
 
     sums = walk.run(gather, along.totals, along.follow, along.carried)
-    return slopes_of(g, layout, sums)
+    slopes = slopes_of(g, layout, sums)
+    if not layout.tables:
+        return slopes
+    length = weights.shape[-1]
+    weights = jnp.where(jnp.arange(length) < count, weights, 0.0)
+    return with_tables(slopes, g, layout, step * jnp.arange(length), weights)
 
 
 def _taken(weights: Float[Array, "o t"], first):

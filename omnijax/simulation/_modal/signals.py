@@ -6,7 +6,7 @@ A signal drives one input column.  While it is on piece k, begun a time tau ago,
 
 A gap profile has its active pieces and a silent one, period after period; a runout, a vibrating
 floor or a force on the platform is one piece without end.  A damaged roller is one more gap
-profile that comes once a turn.
+profile that comes once a turn.  A measured table is none of these: see `table_signals`.
 """
 
 import math
@@ -17,8 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...laws import ContinuousSine, DamagedRoller, GatedSine, Rollers, WheelRunout
+from ...laws import ContinuousSine, DamagedRoller, GatedSine, Rollers, TableShape, WheelRunout
 from ...rig import Rig
+from .table_signals import TableSignals, table_signals
 
 NODES = 64  # of the sum that gives the series of `rollers`
 FOREVER = 1e30  # s, length of a piece that no wheel leaves
@@ -44,6 +45,7 @@ class Signals(NamedTuple):
     rate: Float[Array, " v *c"]  # rad/s
     cosine: Float[Array, "v k *c"]
     sine: Float[Array, "v k *c"]
+    tables: TableSignals | None = None
 
 
 class SignalShape(NamedTuple):
@@ -143,7 +145,7 @@ def _silent():
 def _gapped(rig: Rig, i: int, series: int):
     """Shapes with gaps of wheel i, each with the angle at which its period begins."""
     gap, profile = jax.tree.map(lambda x: x[i], rig.gaps), rig.profiles[i]
-    if not isinstance(profile, ContinuousSine):
+    if not isinstance(profile, ContinuousSine | TableShape):
         yield _gap_shape(profile, gap, gap.pitch, series), 0.0
     for placed in rig.at("shape"):
         if i in placed.wheels and isinstance(placed.law, DamagedRoller):
@@ -180,12 +182,18 @@ def _endless(rig: Rig, speeds, angles, force: bool):
         yield column, jnp.zeros(()), jnp.ones(()), jnp.zeros(()), CONSTANT
 
 
+def wheels_with_tables(rig: Rig) -> tuple[int, ...]:
+    """Numbers of the wheels whose profile is a measured table."""
+    return tuple(i for i, profile in enumerate(rig.profiles) if isinstance(profile, TableShape))
+
+
 def signals_of(
     rig: Rig, speeds, angles, force: bool, series: int
 ) -> tuple[Signals, tuple[Kind, ...]]:
     """Every signal of one design at constant `speeds` (rad/s) from `angles` (rad), and its kind.
 
-    `force`: whether one acts on the platform; `series`: terms of the profile `rollers`.
+    `force`: whether one acts on the platform; `series`: terms of the profile `rollers`.  Tables
+    have no kind.
     """
     gapped = [
         (i, _passed(shape, speeds[i], angles[i] - begin))
@@ -195,7 +203,7 @@ def signals_of(
     kinds = [Kind(i, shape[2].shape[0], shape[2].shape[1], i) for i, shape in gapped]
     if not gapped:  # the kernels pass one signal with edges at least
         gapped, kinds = [(0, _silent())], [Kind(0, 1, 1, SILENT)]
-    endless = list(_endless(rig, speeds, angles, force))
+    endless, tables = list(_endless(rig, speeds, angles, force)), wheels_with_tables(rig)
     most = max(kind.pieces for kind in kinds)
 
     def padded(x):
@@ -209,4 +217,5 @@ def signals_of(
         jnp.concatenate([*(shape[1] for _, shape in gapped), alone[:, 0]]),
         jnp.concatenate([*(padded(shape[2].T) for _, shape in gapped), padded(alone[:, 1:2])]),
         jnp.concatenate([*(padded(shape[3].T) for _, shape in gapped), padded(alone[:, 2:3])]),
+        table_signals(rig, tables, speeds, angles) if tables else None,
     ), (*kinds, *(Kind(wave[0], 1, 1, wave[4]) for wave in endless))

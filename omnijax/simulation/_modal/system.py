@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ...rig import Rig, upright
 from .._exact import ForcedSystem, forced_system
-from .signals import Kind, Signals, signals_of
+from .signals import Kind, Signals, signals_of, wheels_with_tables
 
 
 class Operating(NamedTuple):
@@ -57,6 +57,7 @@ class Layout(NamedTuple):
     together: int = 4  # samples that one loop over designs works out beside each other, at least
     in_step: bool = False  # whether blocks without a closed form are done by `shifted_qr`
     short: bool = False  # whether unlike phases that take about as long pass through one program
+    tables: tuple[int, ...] = ()  # number of the input column that each table drives
 
     def place(self, output: str) -> np.ndarray:
         """The rows of an output."""
@@ -72,6 +73,11 @@ class Layout(NamedTuple):
     def column_of(self) -> list[int]:
         """Number of the input column that each sinusoid drives."""
         return [self.kinds[i].column for i in self.signal_of]
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Number of the input column that each signal drives, those of tables last."""
+        return (*(kind.column for kind in self.kinds), *self.tables)
 
     @property
     def poles(self) -> tuple[int, ...]:
@@ -132,6 +138,9 @@ def design_of(point: Operating, how: How, turn: Array | None = None) -> tuple[Li
         value = jnp.sum(cosine * jnp.cos(phase) + sine * jnp.sin(phase))
         level = level.at[kind.column].add(value) if kind.column < rig.size else level
         first += kind.waves
+    tables = wheels_with_tables(rig)
+    if signals.tables is not None:
+        level = level.at[np.array(tables)].add(signals.tables.rho[:, 0, 0])
     start = forced.rest @ level - forced.shift.T @ level
     unit = _units(forced.A)
 
@@ -159,7 +168,7 @@ def design_of(point: Operating, how: How, turn: Array | None = None) -> tuple[Li
     )
     wheels = rig.wheels
     design = LinearDesign(system, signals, wheels.closure.preload, wheels.contact.friction)
-    return design, Layout(rig.size, kinds, how.outputs)
+    return design, Layout(rig.size, kinds, how.outputs, tables=tables)
 
 
 def _turned(system: ForcedSystem, turn: Array | None) -> ForcedSystem:

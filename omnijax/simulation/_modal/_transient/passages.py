@@ -58,7 +58,7 @@ def edge_sums(kind, pole: Pair, p: PassedEdges) -> Pair:
     """Sum of exp(lambda (t - t_e)) over the passages of every edge, (g, k, p, c)."""
     many, ago = p.many[:, :, None], p.ago[:, :, None]
     step = jnp.where(many > 0, p.period[:, None, None], 0.0)
-    sums = _repeated(kind, times(step, pole), jnp.maximum(many, 1.0))
+    sums = repeated(kind, times(step, pole), jnp.maximum(many, 1.0))
     first, second = product(kind, sums, pair_exp(kind, times(ago, pole)))
     return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
 
@@ -91,7 +91,7 @@ def left_of(kind, free: FreePart, edge: Pair, decay: Pair) -> Pair:
     return own[0] + jnp.sum(each[0], axis=(0, 1)), own[1] + jnp.sum(each[1], axis=(0, 1))
 
 
-def _repeated(kind, a: Pair, count) -> Pair:
+def repeated(kind, a: Pair, count) -> Pair:
     """1 + e^a + ... + e^((count - 1) a) for a whole `count` above 0."""
     k = kind > 0
     turns = jax.lax.stop_gradient(jnp.round(jnp.where(k, a[1], 0.0) / TURN))
