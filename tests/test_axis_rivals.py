@@ -101,8 +101,8 @@ def test_a_delay_is_told_from_a_lag_where_the_noise_is_weighed_by_its_colour(tmp
     late = refitted(model, "actuator-delay", delay=0.014)
     slow = refitted(model, "actuator-lag", tau=0.014)
     right, wrong = (late, slow) if hidden == "delay" else (slow, late)
-    assert model.margin(right, wrong) > model.settings.equal
-    assert model.margin(wrong, right) < -model.settings.equal
+    assert model.margin(right, wrong) > model.settings.equal_margin
+    assert model.margin(wrong, right) < -model.settings.equal_margin
 
 
 @pytest.mark.full  # in the gate a held input's delay, below
@@ -212,7 +212,7 @@ def test_a_late_servo_shows_not_whether_its_sensor_or_its_goal_is_late(tmp_path,
     candidates = model.candidates(fit.point)
     signatures = Signatures(candidates, model.columns(fit.point, candidates))
     better, rivals = Review(Refits(model), str).challenge(fit, 0, signatures)
-    assert better is None and rivals[0][1] < model.settings.near
+    assert better is None and rivals[0][1] < model.settings.near_margin
     wrong, true = rivals[0][0].values["delay"], fit.point.effects[0].values["delay"]
     assert wrong == pytest.approx(true, rel=0.03)
 

@@ -171,7 +171,7 @@ def test_numbers_of_waves_are_scanned_beside_a_late_reading_of_them():
         return measured[split] - read(np.array(list(values.values())), delay, split)
 
     model = SmallModel(
-        residual, PRIORS, {id: EFFECTS[id]}, "a", {(id, "delay"): SETTINGS.candidates.late}
+        residual, PRIORS, {id: EFFECTS[id]}, "a", {(id, "delay"): SETTINGS.candidates.delays}
     )
     astray = Point(np.append(-true[:2], np.zeros(4)))  # as what brings one run back into step
     found = Search(model).run(astray).fit

@@ -22,7 +22,7 @@ from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.diagnosis._search.search import SearchPath
 from omnijax.diagnosis._search.starts import (
-    EQUALS,
+    EQUAL_GAIN,
     Start,
     at_finite_strength,
     by_tangent,
@@ -115,7 +115,7 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     """A calibration that ran off hides what a law does; a law that does nothing must promise so."""
     model = balance([law("bearing-coulomb", 3.0)])
     fit = refit(model, Point(np.zeros(2)))
-    assert np.max(np.abs(fit.point.u)) > SETTINGS.search.ran_off
+    assert np.max(np.abs(fit.point.u)) > SETTINGS.search.bent_sigmas
     scan, _ = Search(model).scan(fit)
     cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan.scores, set(model.laws))}
     assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
@@ -267,13 +267,13 @@ def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
     better, rivals = challenged(truth, "bearing-coulomb", {"torque": 0.005})
     margin = next(margin for effect, margin, *_ in rivals if effect.id == "soft")
     assert better is None
-    assert margin > 1.2 * SETTINGS.search.equal
+    assert margin > 1.2 * SETTINGS.search.equal_margin
     model = balance([truth], {**LAWS, "soft": Soft}, noise=0.0)
     costs = [
         refit(model, Point(np.zeros(2), (Effect(id, "shaft", {key: 0.005}),))).cost
         for id, key in (("bearing-coulomb", "torque"), ("soft", "strength"))
     ]
-    assert 0.5 * SETTINGS.search.equal < costs[1] - costs[0] < SETTINGS.search.equal
+    assert 0.5 * SETTINGS.search.equal_margin < costs[1] - costs[0] < SETTINGS.search.equal_margin
 
 
 def test_a_rival_that_leads_by_more_than_chance_takes_the_place():
@@ -296,7 +296,7 @@ def test_of_nested_laws_the_plain_one_is_named_unless_the_wider_gains(fades):
     found = Search(balance([truth], laws, seed=int(rng.integers(1000)))).run()
     (effect,) = found.fit.point.effects
     assert effect.id == ("stribeck" if fades else "bearing-coulomb")
-    assert all(margin > SETTINGS.search.equal for _, margin, *_ in found.rivals[0])
+    assert all(margin > SETTINGS.search.equal_margin for _, margin, *_ in found.rivals[0])
     assert found.wider == ({} if fades else {effect.name: [f"stribeck@{effect.place}"]})
     at = [f.key for f in found.fit.free].index("torque") + 2
     sigma = np.sqrt(found.fit.covariance[at, at])
@@ -345,7 +345,7 @@ def test_where_something_is_left_the_runner_up_is_followed():
 
     assert ends(way) == ["bearing-coulomb"]
     little = dataclasses.replace(right, gain=0.0)  # of a strong gap: something else's shadow
-    assert fit.chi2 > SETTINGS.search.strong * model.dof("train")
+    assert fit.chi2 > SETTINGS.search.strong_misfit * model.dof("train")
     assert ends(dataclasses.replace(way, trials=([wrong, little],))) == ["soft"]
     search.settings = dataclasses.replace(SETTINGS.search, runners_up=0)
     assert ends(way) == ["soft"]
@@ -371,7 +371,7 @@ def test_an_effect_that_moves_nothing_by_one_per_cent_is_not_named():
     review.settings = dataclasses.replace(SETTINGS.search, margin=1.0)
     assert len(review.prune(fit, baseline)[0].point.effects) == 1
     assert review.left_out == {"shaft-drag@shaft": "it moves no output group's RMS by 1 %"}
-    review.settings = dataclasses.replace(SETTINGS.search, margin=1.0, material=0.0)
+    review.settings = dataclasses.replace(SETTINGS.search, margin=1.0, material_change=0.0)
     assert len(review.prune(fit, baseline)[0].point.effects) == 2
 
 
@@ -573,7 +573,7 @@ def test_a_law_that_leads_by_its_tangent_is_tried_about_the_calibrated_machine_t
         {"mount-cubic": EFFECTS["mount-cubic"]}, "spring",
     )  # fmt: skip
     fit = refit(model, Point(np.zeros(1)))
-    assert fit.point.u[0] > SETTINGS.search.ran_off
+    assert fit.point.u[0] > SETTINGS.search.bent_sigmas
     scan, _ = Search(model).scan(fit)
     (far,) = at_finite_strength(model, fit, scan.scores, {"mount-cubic"})
     (near,) = at_finite_strength(model, fit, scan.scores, {"mount-cubic"}, scan.best_per_name())
@@ -713,7 +713,7 @@ def limited(true, tried):
 
 def test_a_limit_is_looked_for_between_those_that_are_tried():
     """At the nearest ones a drive at its limit costs as much as four other laws: none was it."""
-    true, tried = drawn_anew("a limit").uniform(0.56, 0.68), SETTINGS.candidates.clipped
+    true, tried = drawn_anew("a limit").uniform(0.56, 0.68), SETTINGS.candidates.torque_limits
     (start,), cost = limited(true, tried)
     assert min(abs(x - true) for x in tried) > 0.05
     assert start.point.effects[0].values["limit"] == pytest.approx(true, abs=0.02)
@@ -771,7 +771,9 @@ def test_that_all_drives_have_a_limit_is_no_worse_where_the_others_do_not_reach_
     found = Search(TwoDrives(true, (0.9 if low else 1.1) * true)).run()
     (effect,) = found.fit.point.effects
     assert effect.values["limit"] == pytest.approx(true, abs=1e-2)
-    near = [rival.name for rival, margin, *_ in found.rivals[0] if margin < SETTINGS.search.equal]
+    near = [
+        rival.name for rival, margin, *_ in found.rivals[0] if margin < SETTINGS.search.equal_margin
+    ]
     both = {effect.name, *near}
     ids = {f"actuator-saturation@{place}" for place in ("w1", "all")}
     assert both == (ids if low else {"actuator-saturation@w1"})
@@ -811,7 +813,7 @@ def test_of_nearly_equal_lines_of_a_name_each_is_refitted():
     scan, _ = search.scan(fit)
     best, other = scan.order
     assert best.candidate.decode(best.coefficients)["order"] == 11.0
-    assert other.gain > EQUALS * best.gain
+    assert other.gain > EQUAL_GAIN * best.gain
     (trial,) = search.trials(fit, scan)
     assert trial.effect.values["order"] == pytest.approx(7.3, abs=0.01)
 
@@ -820,7 +822,7 @@ def test_a_search_ends_at_its_budget():
     model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 0.03)])
     assert len(Search(model).run().fit.point.effects) == 2
     model.budget, model.work = 1.0, 2.0
-    model.settings = dataclasses.replace(model.settings, trusted=np.inf)
+    model.settings = dataclasses.replace(model.settings, trusted_closed=np.inf)
     assert len(Search(model).run().fit.point.effects) == 1
 
 
@@ -902,7 +904,7 @@ def test_what_is_left_of_a_strong_gap_is_strong_however_much_was_explained():
     way = search.looked(SearchPath(refit(model, Point(np.zeros(0)))))
     search.begun = 1e7, 1e7
     assert search.on_trust(way) == []
-    search.settings = dataclasses.replace(search.settings, strong=1.2)
+    search.settings = dataclasses.replace(search.settings, strong_misfit=1.2)
     assert len(search.on_trust(way)) == 1
 
 

@@ -51,7 +51,7 @@ def told(evidence_priors, first, last, verdict, fitted=None, clocks=None) -> lis
     """The notes of a rig's answer."""
     model = SimpleNamespace(
         priors=evidence_priors, dof=lambda split: 1000, spent=False,
-        settings=SimpleNamespace(noise=0.0), fitted=fitted,
+        settings=SimpleNamespace(noise_sigmas=0.0), fitted=fitted,
         machine=SimpleNamespace(window=1.0, runs=RUNS, clocks=clocks or {}),
         rig=SimpleNamespace(names=(), size=0),
     )  # fmt: skip

@@ -60,7 +60,7 @@ def test_several_effects_are_not_named_where_one_number_explains_as_much(further
     effects = tuple(Effect("motor-gain", f"w{i}", {"g": -0.03}) for i in (1, 2, 3))
     number = Unlisted("sphere.inertia", {"sphere.inertia": (12.0, 12.4, 0.01)}, 1.0, 1e4 + further)
     evidence: Any = SimpleNamespace(
-        model=SimpleNamespace(tell=str, settings=SimpleNamespace(equal=12.0)),
+        model=SimpleNamespace(tell=str, settings=SimpleNamespace(equal_margin=12.0)),
         unlisted=lambda fit: [number],
     )
 

@@ -192,7 +192,7 @@ def test_a_calibration_that_foretells_one_sign_hides_no_sensor_that_loses_it(wea
     priors = [Prior("gain", 1.0, 1.0, relative=False), Prior("offset", 0.0, 1.0, relative=False)]
     model = SmallModel(residual, priors, {"sensor-rectified": SensorRectified}, "velocity")
     fit = refit(model, Point(np.zeros(2)))
-    assert np.max(np.abs(fit.point.u)) < model.settings.ran_off
+    assert np.max(np.abs(fit.point.u)) < model.settings.bent_sigmas
     scan, _ = Search(model).scan(fit)
     assert [score.dead for score in scan.scores] == [weaker == 1]
     (start,) = at_finite_strength(model, fit, scan.scores, set(model.laws))

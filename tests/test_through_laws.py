@@ -71,7 +71,7 @@ def test_nothing_is_asked_for_where_no_law_is_stepped_nor_more_columns_than_few(
     scan, _ = search.scan(fit)
     names = [s.candidate.name for s in scan.scores]
     assert through_laws.through_laws(model, Point(np.zeros(0)), scan, names) == {}
-    monkeypatch.setattr(through_laws, "COLUMNS", 1)
+    monkeypatch.setattr(through_laws, "MOST_COLUMNS", 1)
     (only,) = through_laws.through_laws(model, fit.point, scan, names)
     assert scan.layout.candidates[only].name == names[0] != names[1]
 

@@ -36,7 +36,7 @@ def servo(mu, damping=0.1, emf=1.2):
 
     names = ("J", "d", "e")
     model = SmallModel(residual, [Prior(k, 0.6, 0.6) for k in names], laws, "shaft")
-    model.settings = dataclasses.replace(model.settings, both=True)
+    model.settings = dataclasses.replace(model.settings, both_anchors=True)
     return model
 
 

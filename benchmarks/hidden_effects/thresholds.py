@@ -15,10 +15,12 @@ from .._lines import commit
 from .answers import right
 from .cases import drawn, recorded, sized, written
 
-VARIED = ("alpha", "sure", "share", "margin", "material", "price", "close", "nearly", "hopeless",
-          "rest", "strong", "worth", "little", "near", "like")  # fmt: skip
-BOUNDED = {"share": (1.05, None), "close": (1.0, None), "nearly": (1.0, None),
-           "hopeless": (1.0, None), "like": (None, 1.0), "worth": (None, 1.0)}  # fmt: skip
+VARIED = ("alpha", "sure_sigmas", "size_factor", "margin", "material_change", "column_price",
+          "runner_up_cost", "near_noise", "hopeless_cost", "noise_share", "strong_misfit",
+          "promise_share", "least_closed", "near_margin", "like_gain")  # fmt: skip
+BOUNDED = {"size_factor": (1.05, None), "runner_up_cost": (1.0, None),
+           "near_noise": (1.0, None), "hopeless_cost": (1.0, None),
+           "like_gain": (None, 1.0), "promise_share": (None, 1.0)}  # fmt: skip
 
 
 @contextlib.contextmanager

@@ -192,8 +192,8 @@ def explained(model, way: SearchPath) -> bool:
     It has to do so on the held-out runs too: a wandering channel drifts in every run, but each time
     by another amount.
     """
-    least = 0.5 * model.settings.material * model.dof("train")
-    sure = model.settings.sure
+    least = 0.5 * model.settings.material_change * model.dof("train")
+    sure = model.settings.sure_sigmas
     return bool(way.trials) and any(t.gain > least and t.held.sure > sure for t in way.trials[-1])
 
 
@@ -230,7 +230,7 @@ def _beside_unlisted(evidence: AbstractEvidence, outcome: SearchResult, judged: 
     if judged.verdict not in ("named", "ambiguous") or len(outcome.fit.point.effects) < 2:
         return judged
     evidence.model.tell("asking whether a number that was taken for exact stands for all of them")
-    equal = outcome.fit.cost + evidence.model.settings.equal
+    equal = outcome.fit.cost + evidence.model.settings.equal_margin
     for other in evidence.unlisted(outcome.baseline):
         if len(other.numbers) < count and other.cost < equal:
             text = (
@@ -311,7 +311,7 @@ def _judged(
 ) -> Verdict:
     """The verdict, by what this kind of machine is held to."""
     return judge(
-        outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
+        outcome, shown, first, last, evidence.model.settings.equal_margin, evidence.closing,
         evidence.alike, evidence.confirmed_on, changing, stretches(evidence, first, last),
         _fitted_gap_closed(evidence, outcome.baseline, outcome.fit, shown), bent,
     )  # fmt: skip

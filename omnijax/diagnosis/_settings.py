@@ -72,72 +72,80 @@ class SearchSettings:
     # acceptance
     alpha: float = 1e-3  # chance of a false candidate in a whole scan: chosen
     shuffles: int = 4  # shuffled residuals whose best candidate is to be beaten: chosen
-    sure: float = 4.0  # standard deviations by which held-out runs confirm a change: chosen
-    share: float = 1.5  # factor by which a change there may be off the foretold one: own cases
-    slack: float = 0.15  # share of it that noise may add to that factor at most: own cases
+    sure_sigmas: float = 4.0  # standard deviations by which held-out runs confirm a change: chosen
+    # factor by which a change there may be off the foretold one: own cases
+    size_factor: float = 1.5
+    size_noise: float = 0.15  # share of it that noise may add to that factor at most: own cases
     margin: float = 25.0  # chi2 by which an effect has to be needed, and a width: prototype
-    equal: float = 12.0  # below it two rivals are equals; a wrong one leads by it by chance at most
+    # below it two rivals are equals; a wrong one leads by it by chance at most
+    equal_margin: float = 12.0
     # 3e-4 of the time: derived (the gap of two fits is normal, of mean d^2 and variance 4 d^2)
-    material: float = 0.01  # least change of a group's RMS that is named: required of the project
-    exact: float = (
+    # least change of a group's RMS that is named: required of the project
+    material_change: float = 0.01
+    prediction_error: float = (
         5e-4  # share of all effects' change by which its prediction may be wrong: what is
     )
     # linear between samples misses (2 pi f h)^2 / 12 of a line, 3 Hz at 250 Hz: derived
-    price: float = 12.0  # half of log N a column, N = 1e5 samples: derived (BIC)
+    column_price: float = 12.0  # half of log N a column, N = 1e5 samples: derived (BIC)
     # how far a search goes
-    most: int = 8  # effects: required of the project
-    tried: int = 4  # candidates that are refitted a step: time
+    most_effects: int = 8  # effects: required of the project
+    refitted: int = 4  # candidates that are refitted a step: time
     runners_up: int = 1  # first effects gone on from as well: time
-    close: float = 3.0  # their cost, times the best one's: own cases
-    nearly: float = 1.3  # chi2 a degree of freedom at which nothing else is tried first: time
-    hopeless: float = 3.0  # times the best trial's cost: three rounds are enough: time
-    rest: float = 0.005  # share of a gap that counts as wrongly assumed noise: own cases
-    lead: float = 0.0  # share of the cost by which a runner-up's way must be better: chosen
+    runner_up_cost: float = 3.0  # their cost, times the best one's: own cases
+    near_noise: float = 1.3  # chi2 a degree of freedom at which nothing else is tried first: time
+    hopeless_cost: float = 3.0  # times the best trial's cost: three rounds are enough: time
+    noise_share: float = 0.005  # share of a gap that counts as wrongly assumed noise: own cases
+    # share of the cost by which a runner-up's way must be better: chosen
+    runner_up_lead: float = 0.0
     # strong effects
-    strong: float = 4.0  # chi2 a degree of freedom from which tangents do not rank: own cases
-    ladder: tuple[float, ...] = (0.2, 0.6, 2.0)  # finite strengths tried: own cases
-    ran_off: float = 2.0  # prior sigmas from which a calibration was bent: own cases
-    both: bool = (
+    # chi2 a degree of freedom from which tangents do not rank: own cases
+    strong_misfit: float = 4.0
+    strengths: tuple[float, ...] = (0.2, 0.6, 2.0)  # finite strengths tried: own cases
+    bent_sigmas: float = 2.0  # prior sigmas from which a calibration was bent: own cases
+    both_anchors: bool = (
         False  # then finite strengths are tried about the calibrated machine too: own cases
     )
-    worth: float = 0.2  # share of the best promise below which nothing is refitted: time
-    little: float = 0.02  # share of a strong gap that a law must close: own cases
-    nearly_all: float = 0.9  # share of what a part of the channels shows of it: own cases
+    promise_share: float = 0.2  # share of the best promise below which nothing is refitted: time
+    least_closed: float = 0.02  # share of a strong gap that a law must close: own cases
+    part_closed: float = 0.9  # share of what a part of the channels shows of it: own cases
     # share of a gap that a law closes which is confirmed later, or, where the gap is strong, earns
     # a new budget: own cases
-    trusted: float = 0.5
+    trusted_closed: float = 0.5
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases
-    promise: float = 0.2  # share of an opening's gap to be followed further: own cases
+    opening_closed: float = 0.2  # share of an opening's gap to be followed further: own cases
     # calibration
-    caught: float = 0.2  # share of parameters at their bounds that no effect bends: own cases
+    caught_share: float = 0.2  # share of parameters at their bounds that no effect bends: own cases
     restarts: int = 3  # other starts of one that is caught: time
     # refits and rivals
-    settles: int = 5  # rounds of smoothing anew at most: own cases
-    settled: float = 1.02  # chi2 a row at which they end: own cases
-    near: float = 100.0  # margin by tangent below which a rival is refitted: 4 margins
-    like: float = 0.9  # share of an effect's gain from which a rival is: own cases
-    few: int = 4  # of those: time
-    rivals: int = 8  # candidates looked at as rivals: time
+    settle_rounds: int = 5  # rounds of smoothing anew at most: own cases
+    settled_misfit: float = 1.02  # chi2 a row at which they end: own cases
+    near_margin: float = 100.0  # margin by tangent below which a rival is refitted: 4 margins
+    like_gain: float = 0.9  # share of an effect's gain from which a rival is: own cases
+    like_rivals: int = 4  # of those: time
+    most_rivals: int = 8  # candidates looked at as rivals: time
     swaps: int = 3  # times an effect may give way to a rival: time
-    far: float = 10.0  # times the cost: a rival above it after one round imitates nothing: time
+    # times the cost: a rival above it after one round imitates nothing: time
+    far_cost: float = 10.0
     roughly: float = 0.01  # of the cost, below whose fall a refit without effects ends: time
-    noise: float = 4.0  # standard deviations of chi2 within which what is left is noise: chosen
-    shown: int = 12  # of what stands out, in answers
+    # standard deviations of chi2 within which what is left is noise: chosen
+    noise_sigmas: float = 4.0
+    shown_most: int = 12  # of what stands out, in answers
 
 
 @dataclasses.dataclass(frozen=True)
 class RefitsSettings:
     """Joint refits of a search: of a new effect, of a settled set, of friction widths."""
 
-    rounds: int = 8  # steps with a new effect: time
-    without: int = 2  # steps of a refit with one effect less: time
+    effect_steps: int = 8  # steps with a new effect: time
+    without_steps: int = 2  # steps of a refit with one effect less: time
     # of the cost, below whose fall they end where it is far from the noise: time
     relative: float = 1e-3
-    opening: float = 1e-2  # the same of a run's opening: time
-    weaker: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)  # of a strength, where a refit may begin
-    wide: int = 4  # steps with friction widths set free: time
-    rival: int = 4  # steps with a rival in an effect's place: time
-    settled: float = 0.98  # of the last chi2, above which smoothing anew gains nothing
+    opening_relative: float = 1e-2  # the same of a run's opening: time
+    # of a strength, where a refit may begin
+    weaker_strengths: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
+    width_steps: int = 4  # steps with friction widths set free: time
+    rival_steps: int = 4  # steps with a rival in an effect's place: time
+    settled_ratio: float = 0.98  # of the last chi2, above which smoothing anew gains nothing
     # times the best cost, above which friction widths stay stated: time
     stepped_widths: float = 10.0  # with a law that is stepped in time
     plain_widths: float = 100.0  # without
@@ -147,30 +155,31 @@ class RefitsSettings:
 class CalibrationSettings:
     """The calibration of the uncertain parameters before any effect is known."""
 
-    far: float = 10.0  # times the cost of mere noise
-    misfit: float = 4.0  # the same: that of a noise twice as large as declared
+    caught_cost: float = 10.0  # times the cost of mere noise
+    scanned_cost: float = 4.0  # the same: that of a noise twice as large as declared
     relative: float = 0.01  # of the cost, below whose fall a refit ends: time
-    end: float = 0.999  # of a bound, from which a parameter is at it
+    bound_share: float = 0.999  # of a bound, from which a parameter is at it
 
 
 @dataclasses.dataclass(frozen=True)
 class CandidatesSettings:
-    gaps: tuple[float, ...] = (0.3, 0.5, 1.0, 1.5, 2.5, 4.0, 7.0)
-    clipped: tuple[float, ...] = (0.97, 0.9, 0.75, 0.5)  # shares of the largest torque
-    late: tuple[float, ...] = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # s
-    latest: float = 0.1  # s
-    least_gap: float = 1e-4  # RMS deflections of a mount, the least play told
-    small_gaps: tuple[float, ...] = (0.01, 0.05)  # plays far below it, by their tangent
+    plays: tuple[float, ...] = (0.3, 0.5, 1.0, 1.5, 2.5, 4.0, 7.0)
+    torque_limits: tuple[float, ...] = (0.97, 0.9, 0.75, 0.5)  # shares of the largest torque
+    delays: tuple[float, ...] = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # s
+    longest_delay: float = 0.1  # s
+    least_play: float = 1e-4  # RMS deflections of a mount, the least play told
+    small_plays: tuple[float, ...] = (0.01, 0.05)  # plays far below it, by their tangent
     relaxation: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)  # s
     # of the wheels' RMS speed: where friction falls; 0.1 to 3 rad/s in machines of 7 rad/s
     stribeck: tuple[float, ...] = (0.015, 0.05, 0.15, 0.5)
-    ladder: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # SI, of a constant without range
-    between: int = 4  # values tried between a shape constant's bounds
+    # SI, of a constant without range
+    any_values: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+    values_between: int = 4  # values tried between a shape constant's bounds
     # of the way to a law without strength, that its tangent has to ask for at least
-    way: float = 0.05
-    orders: int = 24  # whole ones that are tried whatever stands out
-    beside: float = 0.05  # of an order, by which one that stands out is no whole one
-    earliest: float = 1e-6  # s, of a time that is fitted
+    least_share: float = 0.05
+    whole_orders: int = 24  # whole ones that are tried whatever stands out
+    order_apart: float = 0.05  # of an order, by which one that stands out is no whole one
+    least_time: float = 1e-6  # s, of a time that is fitted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,34 +189,36 @@ class DoubtSettings:
     # of as much along their tangents, below which they do not leave it open: chosen
     chance: float = 1e-3
     rounds: int = 4  # of tangents anew about where the last ones led: time
-    near: float = 0.1  # of their sigmas, a step that is not worth another round
+    settled_sigmas: float = 0.1  # of their sigmas, a step that is not worth another round
 
 
 @dataclasses.dataclass(frozen=True)
 class FitSettings:
     """Joint refits: baseline parameters and effects together, Gauss-Newton with bounds."""
 
-    renew: float = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
-    rounds: int = 20  # steps of a refit at most: they have ended before
+    # a fall of chi2 after which the baseline's tangents are taken anew
+    renewing_fall: float = 200.0
+    most_steps: int = 20  # steps of a refit at most: they have ended before
     patience: int = 3  # rounds after which a refit without hope ends: time
-    about: int = 10  # steps between two preparations of the data about their end: time
-    floor: float = 1.2  # chi2 a degree of freedom, below which nothing but noise is left
-    far: float = 10.0  # times that, above which a relative fall of the cost ends a refit: time
-    step: float = 1e-4  # of an effect's number, or of a unit for waves: of a difference
-    least: float = 1e-6  # its size where it is 0
+    steps_between: int = 10  # steps between two preparations of the data about their end: time
+    noise_floor: float = 1.2  # chi2 a degree of freedom, below which nothing but noise is left
+    # times that, above which a relative fall of the cost ends a refit: time
+    far_ratio: float = 10.0
+    number_step: float = 1e-4  # of an effect's number, or of a unit for waves: of a difference
+    least_number: float = 1e-6  # its size where it is 0
     prior_step: float = 1e-3  # prior sigmas, of a difference by an uncertain parameter
 
 
 @dataclasses.dataclass(frozen=True)
 class GaussNewtonSettings:
-    enough: float = 0.02  # fall of chi2 that is not worth another round
-    kept: float = 0.8  # share of its foretold fall that a straight step has to bring
-    bent: float = 1.0  # foretold fall of chi2 that is worth a look at the valley's bend
-    longest: float = 1.5  # |a| over |d| above which a parabola says nothing
+    ended_fall: float = 0.02  # fall of chi2 that is not worth another round
+    kept_fall: float = 0.8  # share of its foretold fall that a straight step has to bring
+    bent_fall: float = 1.0  # foretold fall of chi2 that is worth a look at the valley's bend
+    longest_bend: float = 1.5  # |a| over |d| above which a parabola says nothing
     damping: float = 1e-6  # of the first step, over the columns' squared sizes
-    factor: float = 30.0  # of the damping from one step to the next
-    damped: float = 1e-3  # at least, once a step has failed
-    tried: int = 6  # dampings a step: the last shortens it by 1e8
+    damping_factor: float = 30.0  # of the damping from one step to the next
+    failed_damping: float = 1e-3  # at least, once a step has failed
+    dampings: int = 6  # dampings a step: the last shortens it by 1e8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,48 +226,49 @@ class HeldOutSettings:
     """What held-out runs say of a refit: whether the change that it foretold is there."""
 
     blocks: int = 64  # of the rows, by which the spread is estimated
-    errors: float = 3.0  # standard errors of a multiplier that count as noise, up to `search.slack`
+    # standard errors of a multiplier that count as noise, up to `search.slack`
+    multiplier_errors: float = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
 class LevelsSettings:
-    orders: tuple[int, ...] = (3, 5, 7)
+    differences: tuple[int, ...] = (3, 5, 7)
     window: int = 64  # samples of one stretch
-    flat: float = 1e-5  # chance of a colour's gain in white noise below which it is one
+    colour_chance: float = 1e-5  # chance of a colour's gain in white noise below which it is one
     # ratio of powers below which a spectrum that is not flat is weighed as white
-    leans: float = 1.25
-    stretches: int = 4  # of them at least
-    alike: float = 0.01  # of a sampling step, within which runs show one colour together
-    scatter: float = 1.25  # of a median over that of a mean: derived (sqrt(pi/2))
-    better: float = 1.1  # times the level, by which a higher difference has to be below it
-    free: float = 4.0  # degrees of freedom of a coloured level at least
+    flat_ratio: float = 1.25
+    fewest_windows: int = 4  # of them at least
+    step_tolerance: float = 0.01  # of a sampling step, within which runs show one colour together
+    median_scatter: float = 1.25  # of a median over that of a mean: derived (sqrt(pi/2))
+    lower_level: float = 1.1  # times the level, by which a higher difference has to be below it
+    least_freedom: float = 4.0  # degrees of freedom of a coloured level at least
 
 
 @dataclasses.dataclass(frozen=True)
 class SpectrumSettings:
     """The spectrum of noise by waves of half periods, and which colour the data show."""
 
-    high: float = 0.25  # cycles a sample, from which a spectrum is its white end
-    broad: float = 1.35  # of a spectrum's bin, its end over its begin
-    fewest: int = 16  # waves of each run in a bin at least
+    white_from: float = 0.25  # cycles a sample, from which a spectrum is its white end
+    bin_width: float = 1.35  # of a spectrum's bin, its end over its begin
+    bin_waves: int = 16  # waves of each run in a bin at least
     # decades of a walk's and of low-pass noise's power over white noise's; so many of them tried
     decades: tuple[float, float] = (-4.0, 9.0)
     powers: int = 40
-    lowest: float = 10.0  # times the slowest wave, the slowest corner that is no walk's
+    slowest_corner: float = 10.0  # times the slowest wave, the slowest corner that is no walk's
     corners: int = 10  # tried, from there to the fastest wave
-    alike: float = 1.05  # waves within this factor are one bin
-    earlier: float = 1e5  # run lengths for which a walk had gone on before a recording
+    merged_waves: float = 1.05  # waves within this factor are one bin
+    walk_before: float = 1e5  # run lengths for which a walk had gone on before a recording
 
 
 @dataclasses.dataclass(frozen=True)
 class FunctionModelSettings:
     """A model of the user's own: the strength at which a law's tangent is taken."""
 
-    least: float = 1e-7  # of the residual, a change that is well above rounding
-    most: float = 1e-3  # of it, a change that is still in proportion
+    least_change: float = 1e-7  # of the residual, a change that is well above rounding
+    most_change: float = 1e-3  # of it, a change that is still in proportion
     weaker: float = 0.1  # times the strength, where it changes more
     stronger: float = 30.0  # where it changes less
-    tried: int = 60  # strengths: 1e60 times as weak, or 1e88 as strong
+    most_strengths: int = 60  # strengths: 1e60 times as weak, or 1e88 as strong
 
 
 @dataclasses.dataclass(frozen=True)
@@ -265,26 +277,26 @@ class LimitsSettings:
 
     draws: int = 400  # of strengths with several columns: the limit is then known to 3 %
     blocks: int = 64
-    whole: float = 1.0  # of a share: that of a gain, above which no limit says anything
+    most_share: float = 1.0  # of a share: that of a gain, above which no limit says anything
 
 
 @dataclasses.dataclass(frozen=True)
 class ModelSettings:
     # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
     hard: float = 3.5
-    at_end: float = 1e-6  # of a bound, within which a number is at it: rounding
-    blocks: int = 40  # of a residual that is shuffled
+    bound_tolerance: float = 1e-6  # of a bound, within which a number is at it: rounding
+    shuffled_blocks: int = 40  # of a residual that is shuffled
     # times where a friction law's width begins, and its part: a decade and a half
-    width: float = 30.0
-    slower: float = 10.0  # parts of a friction law's speed, to which a refit may lower it
-    faster: float = 3.0  # times the same: far above every speed the law is Coulomb's
+    width_range: float = 30.0
+    speed_below: float = 10.0  # parts of a friction law's speed, to which a refit may lower it
+    speed_above: float = 3.0  # times the same: far above every speed the law is Coulomb's
 
 
 @dataclasses.dataclass(frozen=True)
 class ReadingsSettings:
     # equally filled stretches of the reading, between which the function is straight
     knots: int = 12
-    least: float = 1e-6  # of the longest direction: a shorter one is none
+    least_direction: float = 1e-6  # of the longest direction: a shorter one is none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -293,46 +305,50 @@ class SteadinessSettings:
 
     degree: int = 3  # of the course over a run: 2 % of what warms within a third of it is left
     # chance of a part that is not constant: five standard deviations, as of sizes
-    surely: float = 5.7e-7
-    own: float = 1e-3  # of a change's length, below which a direction of its course is none
+    chance: float = 5.7e-7
+    # of a change's length, below which a direction of its course is none
+    least_direction: float = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
 class ValleySettings:
-    flat: float = 0.1  # sigma of all rows a prior sigma, below which priors alone tell a direction
+    # sigma of all rows a prior sigma, below which priors alone tell a direction
+    open_slope: float = 0.1
     step: float = 0.5  # prior sigmas
     corrections: int = 2
-    onward: float = 0.5  # least cosine from one step to the next
-    deep: float = 1.2  # times the fit's chi2, up to which a point still lies in its valley
+    least_cosine: float = 0.5  # least cosine from one step to the next
+    valley_cost: float = 1.2  # times the fit's chi2, up to which a point still lies in its valley
 
 
 @dataclasses.dataclass(frozen=True)
 class WavesSettings:
     # even over odd part of a change at +- 1 sigma: tan(phi/2) of a phase phi of 0.9 rad
-    wavy: float = 0.5
-    finest: float = 1 / 16  # sigma, of a scan's steps
-    beside: float = 0.57  # of a step, also asked: both are whole waves of 1/7 of it or less only
+    wavy_ratio: float = 0.5
+    finest_step: float = 1 / 16  # sigma, of a scan's steps
+    # of a step, also asked: both are whole waves of 1/7 of it or less only
+    second_step: float = 0.57
     starts: int = 32  # of the search over the scans, each drawn with a fixed seed
 
 
 @dataclasses.dataclass(frozen=True)
 class WhereSettings:
     shuffles: int = 60
-    rate: float = 0.01  # false discoveries that are accepted
-    orders: int = 40
-    beside: int = 8  # bands on either side that a line is compared with
-    width: float = 0.5  # Hz, of a band: a line that stays put stays in it
+    discovery_rate: float = 0.01  # false discoveries that are accepted
+    highest_order: int = 40
+    neighbours: int = 8  # bands on either side that a line is compared with
+    band_width: float = 0.5  # Hz, of a band: a line that stays put stays in it
     # length that a column of length 1 must keep once line and mean are taken off: less is rounding
-    least: float = 1e-4
+    least_column: float = 1e-4
     bins: int = 12  # of a state, equally filled
-    block: int = 125  # samples of a shuffled block, or a share of a short run
-    pieces: int = 16  # of it at least
-    shortest: int = 4  # samples of such a block
-    ends: int = 50  # samples at each end, by whose means a straight line is taken off
-    end: int = 10  # of so many parts of a run, which an end is at most
-    shape: float = 1e-3  # of the beta law of shuffled shares at least
-    likeliest: int = 3  # returned where nothing stands
-    mostly: float = 0.5  # of the largest miss in sigma, of the channels that these are sought in
+    block_samples: int = 125  # samples of a shuffled block, or a share of a short run
+    fewest_blocks: int = 16  # of it at least
+    shortest_block: int = 4  # samples of such a block
+    end_samples: int = 50  # samples at each end, by whose means a straight line is taken off
+    end_parts: int = 10  # of so many parts of a run, which an end is at most
+    least_shape: float = 1e-3  # of the beta law of shuffled shares at least
+    unsure_shown: int = 3  # returned where nothing stands
+    # of the largest miss in sigma, of the channels that these are sought in
+    missed_share: float = 0.5
     rounding: float = 1e-6  # sigma: a channel that nobody measured, or that is met exactly
 
 
@@ -340,20 +356,20 @@ class WhereSettings:
 class StartsSettings:
     """Where joint refits begin: by tangent, or at finite strength where effects are strong."""
 
-    equals: float = 0.97  # share of the best line's gain from which others are refitted: time
-    others: int = 7  # so many more: a short travel has eight within 0.97
+    equal_gain: float = 0.97  # share of the best line's gain from which others are refitted: time
+    other_lines: int = 7  # so many more: a short travel has eight within 0.97
     # share of the best refit's gain from which the others of a name are refitted: time
-    behind: float = 0.9
+    name_gain: float = 0.9
     # halvings of the distance between limits or times that are tried: 3 leave a tenth of it
-    closer: int = 3
+    halvings: int = 3
 
 
 @dataclasses.dataclass(frozen=True)
 class ThroughLawsSettings:
     """Signatures beside laws that are stepped in time, by differences."""
 
-    columns: int = 32  # at most: time
-    alike: int = 4  # variants of one law at one place: time
+    most_columns: int = 32  # at most: time
+    variants: int = 4  # variants of one law at one place: time
 
 
 # The rig

@@ -168,7 +168,9 @@ def baseline_table(outcome: SearchResult, fit: Fit, dof: int) -> list[dict[str, 
     return out
 
 
-def score_table(outcome: SearchResult, most: int = SETTINGS.search.shown) -> list[dict[str, Any]]:
+def score_table(
+    outcome: SearchResult, most: int = SETTINGS.search.shown_most
+) -> list[dict[str, Any]]:
     """The score plot's numbers: the best candidates of every step.
 
     `beside` names the effects of the answer that a step has taken up already: no candidates of it.
@@ -277,7 +279,7 @@ def unended(model: AbstractModel, fit: Fit) -> list[str]:
 def _only_there(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> list[str]:
     """What to do about a gap in held-out runs of which the fitted runs, which teach, show none."""
     model, n = evidence.model, evidence.model.dof("train")
-    explained = outcome.fit.chi2 < n + model.settings.noise * np.sqrt(2 * n)
+    explained = outcome.fit.chi2 < n + model.settings.noise_sigmas * np.sqrt(2 * n)
     if not (judged.open and explained and evidence.confirmed_on == "held-out"):
         return []
     return [

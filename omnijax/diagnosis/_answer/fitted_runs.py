@@ -51,7 +51,7 @@ def _untold(evidence: AbstractEvidence, outcome: SearchResult) -> list[Trial]:
 
     def matters(trial: Trial) -> bool:
         beside = model.group_rms(trial.fit.residual, "train")
-        return any(left[g] > (1 + settings.material) * x for g, x in beside.items())
+        return any(left[g] > (1 + settings.material_change) * x for g, x in beside.items())
 
     tried = [t for trials in outcome.trials for t in trials]
     return [

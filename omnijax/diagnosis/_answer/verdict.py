@@ -46,7 +46,7 @@ def judge(
     shown: Shown,
     before: Columns,
     after: Columns,
-    rivals: float = SETTINGS.search.equal,
+    rivals: float = SETTINGS.search.equal_margin,
     closing: float = AbstractEvidence.closing,
     alike: float = AbstractEvidence.alike,
     confirmed_on: str = "held-out",
@@ -240,6 +240,6 @@ def _shows(trial: Trial, total: float) -> bool:
     It matters where it moves their RMS by one per cent, at the size that it has there, as an effect
     that is named does.
     """
-    known, least = trial.settings, (1 - (1 + trial.settings.material) ** -2) * total
-    sure = trial.held.sure > known.sure and trial.gain > known.margin
+    known, least = trial.settings, (1 - (1 + trial.settings.material_change) ** -2) * total
+    sure = trial.held.sure > known.sure_sigmas and trial.gain > known.margin
     return not trial.accepted and sure and trial.held.there > least

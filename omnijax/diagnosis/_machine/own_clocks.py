@@ -18,7 +18,7 @@ MOST = SETTINGS.prediction.clock_most
 TURNS = SETTINGS.clocks.turns
 STEP = SETTINGS.clocks.step
 NEAR = SETTINGS.clocks.near
-AT_END = SETTINGS.model.at_end
+BOUND_TOLERANCE = SETTINGS.model.bound_tolerance
 
 
 def fit_clocks(machine, rig: Rig, i: int) -> None:
@@ -55,7 +55,7 @@ def fit_clocks(machine, rig: Rig, i: int) -> None:
         last, late = late, np.clip(late - change, -MOST, MOST)
         if np.abs(late - last).max() < NEAR:
             break
-    told = np.abs(late) < MOST * (1 - AT_END)
+    told = np.abs(late) < MOST * (1 - BOUND_TOLERANCE)
     machine.clocks[i] = {g: float(late[k]) for k, g in enumerate(groups) if told[k]}
     if np.any(tangents[told]):
         rows.late = orthonormal(tangents[told].T).T

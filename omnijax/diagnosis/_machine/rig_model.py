@@ -44,7 +44,7 @@ TOGETHER = 32  # signatures that are whitened together
 TOLD = 4 * TOGETHER  # after so many the progress line goes on
 LINES = SETTINGS.rig_model.lines
 EXACT = SETTINGS.rig_model.exact
-BLOCKS = SETTINGS.model.blocks
+SHUFFLED_BLOCKS = SETTINGS.model.shuffled_blocks
 LAG = SETTINGS.rig_model.lag
 WIDTH = SETTINGS.rig_model.width
 TOPS = SETTINGS.rig_model.tops
@@ -199,7 +199,7 @@ class RigModel(AbstractModel):
         ends = np.cumsum([r.size for r in rows])
         return zip(rows, np.split(vector, ends)[:-1], strict=True)
 
-    def shuffled(self, residual, seed, blocks=BLOCKS):
+    def shuffled(self, residual, seed, blocks=SHUFFLED_BLOCKS):
         """Shuffled in time, run by run, with all channels of a moment kept together."""
         rng, out = np.random.default_rng(seed), []
         for rows, own in self._by_run(residual, self.splits["train"]):
@@ -321,12 +321,12 @@ class RigModel(AbstractModel):
         if effect.place not in ELASTIC_CHANNELS:
             first = self.turning_noise(points[0])
             beside = [self.turning_noise(p, first.levels).likeliest[1] for p in points[1:]]
-            return min(beside) - first.likeliest[1] < self.settings.equal
+            return min(beside) - first.likeliest[1] < self.settings.equal_margin
         channel = ELASTIC_CHANNELS.index(effect.place)
         straight, *drifting = (self._whole(p, channel) for p in points)
         level = float(np.median([white_level(x)[0] for x in straight]))
         left = [deviance([x / level for x in part], self._steps) for part in (straight, *drifting)]
-        return min(left[1:]) - left[0] < self.settings.equal
+        return min(left[1:]) - left[0] < self.settings.equal_margin
 
     def turning_noise(
         self, point: Point, levels: Sequence[np.ndarray] | None = None

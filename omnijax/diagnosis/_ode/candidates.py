@@ -21,7 +21,7 @@ LAGS = SETTINGS.free_candidates.lags
 DELAYS = SETTINGS.free_candidates.delays
 OTHERS = SETTINGS.free_candidates.others
 WAY = SETTINGS.free_candidates.way
-BETWEEN = SETTINGS.candidates.between
+VALUES_BETWEEN = SETTINGS.candidates.values_between
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Scales:
         if key in known:
             return known[key]
         if math.isfinite(parameter.low) and math.isfinite(parameter.high):
-            return list(np.linspace(parameter.low, parameter.high, BETWEEN + 2)[1:-1])
+            return list(np.linspace(parameter.low, parameter.high, VALUES_BETWEEN + 2)[1:-1])
         return list(OTHERS)
 
     def _times(self, samples: Sequence[float]) -> list[float]:

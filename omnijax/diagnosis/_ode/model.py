@@ -45,8 +45,8 @@ class OdeModel(AbstractColoured):
     budget = SETTINGS.free_model.budget
     repeats = frozenset({"motor-ripple", "current-ripple"})
     settings = dataclasses.replace(
-        SETTINGS.search, both=True, lead=SETTINGS.free_model.lead,
-        share=SETTINGS.free_model.share, slack=SETTINGS.free_model.slack,
+        SETTINGS.search, both_anchors=True, runner_up_lead=SETTINGS.free_model.lead,
+        size_factor=SETTINGS.free_model.share, size_noise=SETTINGS.free_model.slack,
     )  # fmt: skip
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
     ranking = "ranking"
@@ -78,7 +78,7 @@ class OdeModel(AbstractColoured):
         self.colour: Colour | None = None  # of the rows of a balance, where they are not white
         self._undecided: tuple[np.ndarray, np.ndarray] | None = None
         if self.steps_in_time:
-            self.settings = dataclasses.replace(self.settings, strong=0.0)
+            self.settings = dataclasses.replace(self.settings, strong_misfit=0.0)
 
     # rows ---------------------------------------------------------------------------------------
 
@@ -184,7 +184,7 @@ class OdeModel(AbstractColoured):
 
     def astray(self, fit):
         """Free runs that miss by far more than noise: their starts have moved to hide the gap."""
-        return self.steps_in_time and fit.chi2 > self.settings.nearly * self.dof("train")
+        return self.steps_in_time and fit.chi2 > self.settings.near_noise * self.dof("train")
 
     def on_its_own(self, fit):
         """The fit refitted with starts of its own, which free the past that a late sensor shows.
@@ -226,7 +226,7 @@ class OdeModel(AbstractColoured):
         Where the held-out rows say so too.
         """
         margin = rival.cost - fit.cost
-        if self.steps_in_time or abs(margin) > self.settings.equal:
+        if self.steps_in_time or abs(margin) > self.settings.equal_margin:
             return margin
         train, held = in_colour(self, rival).above(in_colour(self, fit))
         return train if train * held > 0 else margin

@@ -8,10 +8,10 @@ from .fit import Fit, refit
 from .model import AbstractModel, Point, unit_bounds
 from .waves import scanned
 
-FAR = SETTINGS.calibration.far
-MISFIT = SETTINGS.calibration.misfit
+CAUGHT_COST = SETTINGS.calibration.caught_cost
+SCANNED_COST = SETTINGS.calibration.scanned_cost
 RELATIVE = SETTINGS.calibration.relative
-END = SETTINGS.calibration.end
+BOUND_SHARE = SETTINGS.calibration.bound_share
 SEED = 20
 
 
@@ -39,12 +39,13 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
     of a noise that nobody declared, what a wrong calibration leaves passes for it.  A resonance
     beside a line of the excitation makes the cost wavy too: a fit may end on the wrong side of it,
     with many parameters at their bounds.  An effect that is missing bends a few of them.  So where
-    a share of `settings.caught` is at its bounds, up to `settings.restarts` others begin where the
-    priors' sigmas draw them (with a fixed seed); the first that lies far below ends the trials.
+    a share of `settings.caught_share` is at its bounds, up to `settings.restarts` others begin
+    where the priors' sigmas draw them (with a fixed seed); the first that lies far below ends the
+    trials.
     """
     best = first = refit(model, start, relative=RELATIVE)
     for about in (first.point, start):
-        if first.cost < MISFIT * model.dof("train") and not _at_bounds(model, first):
+        if first.cost < SCANNED_COST * model.dof("train") and not _at_bounds(model, first):
             break
         waves = scanned(model, about)
         if waves is None:
@@ -60,20 +61,20 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
         u = np.clip(rng.normal(size=len(low)), low, high)
         other = refit(model, Point(u), relative=RELATIVE)
         best = other if other.cost < best.cost else best
-        if best.cost < first.cost / FAR:
+        if best.cost < first.cost / CAUGHT_COST:
             break
     return best
 
 
 def caught(model: AbstractModel, fit: Fit) -> bool:
     """Whether a misfit is left while many parameters are at their bounds."""
-    if fit.cost < FAR * model.dof("train"):
+    if fit.cost < CAUGHT_COST * model.dof("train"):
         return False
     ends = _at_bounds(model, fit)
-    return ends > 1 and ends >= model.settings.caught * len(model.priors)
+    return ends > 1 and ends >= model.settings.caught_share * len(model.priors)
 
 
 def _at_bounds(model: AbstractModel, fit: Fit) -> int:
     """How many parameters are at their bounds."""
     hard = np.array([prior.hard for prior in model.priors])
-    return int(np.sum(np.abs(fit.point.u) > END * hard))
+    return int(np.sum(np.abs(fit.point.u) > BOUND_SHARE * hard))

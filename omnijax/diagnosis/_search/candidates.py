@@ -12,9 +12,9 @@ from jax.core import Tracer
 from ...laws import ANY_LENGTH, AbstractLaw, Parameter
 from .._settings import SETTINGS
 
-WHOLE = range(1, SETTINGS.candidates.orders + 1)
-BETWEEN = SETTINGS.candidates.between
-WAY = SETTINGS.candidates.way
+WHOLE = range(1, SETTINGS.candidates.whole_orders + 1)
+VALUES_BETWEEN = SETTINGS.candidates.values_between
+LEAST_SHARE = SETTINGS.candidates.least_share
 
 
 class LawAtPlace(Protocol):
@@ -56,7 +56,7 @@ class Candidate:
         law = self.columns[0].law
         known = law.parameters
         if not strengths(law):
-            return bool(coefficients[0] > WAY)
+            return bool(coefficients[0] > LEAST_SHARE)
         values = self.decode(coefficients)
         if len(coefficients) == 1:
             key = next(k for k, p in known.items() if p.linear)
@@ -147,5 +147,5 @@ def values_to_try(key: str, parameter: Parameter) -> Sequence[float] | np.ndarra
     if key == "order":
         return [float(n) for n in WHOLE if low <= n <= high]
     if math.isfinite(low) and math.isfinite(high):
-        return np.linspace(low, high, BETWEEN + 2)[1:-1].tolist()
-    return SETTINGS.candidates.ladder
+        return np.linspace(low, high, VALUES_BETWEEN + 2)[1:-1].tolist()
+    return SETTINGS.candidates.any_values

@@ -16,9 +16,9 @@ from .gauss_newton import FitState, bounds, numbers
 from .model import AbstractModel, Point, moved
 
 CHANCE = SETTINGS.doubt.chance
-MISFIT = SETTINGS.calibration.misfit
+SCANNED_COST = SETTINGS.calibration.scanned_cost
 ROUNDS = SETTINGS.doubt.rounds
-NEAR = SETTINGS.doubt.near
+SETTLED_SIGMAS = SETTINGS.doubt.settled_sigmas
 
 
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
@@ -29,7 +29,7 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
     numbers of effects are open too: of an order, which a short run tells badly, a longer one shows
     it.  Where a number bends what is foretold, its tangents are taken anew about the point.
     """
-    if fit.chi2 > MISFIT * model.dof("train") or fit.covariance.size == 0:
+    if fit.chi2 > SCANNED_COST * model.dof("train") or fit.covariance.size == 0:
         return None
     root = _root(_covariance(fit, fit.chi2 / model.dof("train")))
     if not np.all(np.isfinite(root)):
@@ -48,7 +48,7 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
         step = -right.T @ (s / (1 + s**2) * along)
         there = np.clip(x + root @ step, low, high)
         point = moved(fit.point, there[:count], fit.free, there[count:])
-        if np.linalg.norm(step - last) < NEAR:
+        if np.linalg.norm(step - last) < SETTLED_SIGMAS:
             break
     return point if asked < chi2.isf(CHANCE, len(step)) else None
 

@@ -9,17 +9,17 @@ from typing import Protocol
 import numpy as np
 
 from .._settings import SETTINGS
-from .gauss_newton import DAMPING, ENOUGH, KEPT, FitState, normal, stepped, trial
+from .gauss_newton import DAMPING, ENDED_FALL, KEPT_FALL, FitState, normal, stepped, trial
 from .model import AbstractModel, Free, Point, moved, value_of
 
-RENEW = SETTINGS.fit.renew
-ROUNDS = SETTINGS.fit.rounds
+RENEWING_FALL = SETTINGS.fit.renewing_fall
+MOST_STEPS = SETTINGS.fit.most_steps
 PATIENCE = SETTINGS.fit.patience
-ABOUT = SETTINGS.fit.about
-FLOOR = SETTINGS.fit.floor
-FAR = SETTINGS.fit.far
-STEP = SETTINGS.fit.step
-LEAST = SETTINGS.fit.least
+STEPS_BETWEEN = SETTINGS.fit.steps_between
+NOISE_FLOOR = SETTINGS.fit.noise_floor
+FAR_RATIO = SETTINGS.fit.far_ratio
+NUMBER_STEP = SETTINGS.fit.number_step
+LEAST_NUMBER = SETTINGS.fit.least_number
 PRIOR_STEP = SETTINGS.fit.prior_step
 BLOCKS = SETTINGS.held_out.blocks
 
@@ -95,7 +95,7 @@ def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
             size = float(np.linalg.norm(vector))
         if f.key in ("phase", "order", "frequency"):  # they act times an angle or a time
             size = 1.0
-        out.append(STEP * (size or LEAST))
+        out.append(NUMBER_STEP * (size or LEAST_NUMBER))
     return np.array(out)
 
 
@@ -159,19 +159,19 @@ def predicted(model: AbstractModel, point: Point, residual, J) -> tuple[Point, f
 
 
 def refit(
-    model: AbstractModel, point: Point, *, baseline=None, rounds: int = ROUNDS,
+    model: AbstractModel, point: Point, *, baseline=None, rounds: int = MOST_STEPS,
     relative: float = 0.0, give_up: float = np.inf, patience: int = PATIENCE,
 ) -> Fit:  # fmt: skip
     """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
     The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
     cost well; they are taken anew where they do not, and where the steps end with a misfit.  The
-    steps end where the cost falls by less than `ENOUGH`, or, far from the noise, by less than the
-    `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
+    steps end where the cost falls by less than `ENDED_FALL`, or, far from the noise, by less than
+    the `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
     """
     (state,) = FitState.at(model, [point], model.free(point))
     tangents, fresh, damping = baseline, baseline is None, DAMPING
-    J, floor = None, FLOOR * model.dof("train")
+    J, floor = None, NOISE_FLOOR * model.dof("train")
     for turn in range(rounds):
         if not np.isfinite(state.cost) or (turn >= patience and state.cost > give_up):
             break
@@ -183,13 +183,13 @@ def refit(
         new, damping, predicted = stepped(model, state, J, damping, fresh)
         fall = 0.0 if new is None else state.cost - new.cost
         state = new or state
-        far = state.cost > FAR * floor
-        ended = fall < max(ENOUGH, relative * state.cost * far)
+        far = state.cost > FAR_RATIO * floor
+        ended = fall < max(ENDED_FALL, relative * state.cost * far)
         if fresh and ended:
             break
         if ended and state.cost < floor:  # nothing but noise is left
             break
-        fresh = ended or fall < KEPT * predicted or fall > RENEW
+        fresh = ended or fall < KEPT_FALL * predicted or fall > RENEWING_FALL
         tangents = None if fresh else tangents
     return _finished(model, state, J)
 
@@ -203,7 +203,7 @@ def refits_about(
     """
     for _ in range(most):
         model.rebase(point)
-        fit = refit(model, point, rounds=ABOUT, relative=relative)
+        fit = refit(model, point, rounds=STEPS_BETWEEN, relative=relative)
         yield fit
         point = fit.point
 

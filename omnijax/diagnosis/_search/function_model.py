@@ -12,11 +12,11 @@ from .._settings import SETTINGS
 from .candidates import Candidate, number, unit_laws, unknown_shapes, values_to_try
 from .model import AbstractModel, Point, Prior
 
-LEAST = SETTINGS.function_model.least
-MOST = SETTINGS.function_model.most
+LEAST_CHANGE = SETTINGS.function_model.least_change
+MOST_CHANGE = SETTINGS.function_model.most_change
 WEAKER = SETTINGS.function_model.weaker
 STRONGER = SETTINGS.function_model.stronger
-TRIED = SETTINGS.function_model.tried
+MOST_STRENGTHS = SETTINGS.function_model.most_strengths
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
 
 
@@ -81,13 +81,13 @@ class SmallModel(AbstractModel):
         if not linear:
             return base - self.residual(values, [*laws, law], "train")
         strength, change = 1.0, np.zeros_like(base)
-        for _ in range(TRIED):  # a strength that stays in the linear range
+        for _ in range(MOST_STRENGTHS):  # a strength that stays in the linear range
             weak = eqx.tree_at(
                 lambda x: [getattr(x, k) for k in linear], law, [number(strength)] * len(linear)
             )
             change = base - self.residual(values, [*laws, weak], "train")
             size = np.linalg.norm(change) / (np.linalg.norm(base) or 1.0)
-            if np.isfinite(size) and LEAST < size < MOST:
+            if np.isfinite(size) and LEAST_CHANGE < size < MOST_CHANGE:
                 break
-            strength *= WEAKER if not np.isfinite(size) or size >= MOST else STRONGER
+            strength *= WEAKER if not np.isfinite(size) or size >= MOST_CHANGE else STRONGER
         return change / strength

@@ -17,14 +17,14 @@ from scipy.optimize import lsq_linear
 from .._settings import SETTINGS
 from .model import AbstractModel, Free, Point, moved, unit_bounds, value_of
 
-ENOUGH = SETTINGS.gauss_newton.enough
-KEPT = SETTINGS.gauss_newton.kept
-BENT = SETTINGS.gauss_newton.bent
-LONGEST = SETTINGS.gauss_newton.longest
+ENDED_FALL = SETTINGS.gauss_newton.ended_fall
+KEPT_FALL = SETTINGS.gauss_newton.kept_fall
+BENT_FALL = SETTINGS.gauss_newton.bent_fall
+LONGEST_BEND = SETTINGS.gauss_newton.longest_bend
 DAMPING = SETTINGS.gauss_newton.damping
-FACTOR = SETTINGS.gauss_newton.factor
-DAMPED = SETTINGS.gauss_newton.damped
-TRIED = SETTINGS.gauss_newton.tried
+DAMPING_FACTOR = SETTINGS.gauss_newton.damping_factor
+FAILED_DAMPING = SETTINGS.gauss_newton.failed_damping
+DAMPINGS = SETTINGS.gauss_newton.dampings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,22 +64,22 @@ def stepped(
     `exact`: the tangents `J` are those at the state, so that what a step does not keep is its bend.
     """
     gram, gradient, scale = normal(state, J)
-    for _ in range(TRIED):
+    for _ in range(DAMPINGS):
         x, end = trial(model, state, gram, gradient, scale, damping)
         d = end - x
         predicted = float(-2 * gradient @ d - d @ gram @ d)
         (new,) = _states(model, state, [end])
         better = new.cost <= state.cost + 1e-9
-        kept = state.cost - new.cost >= KEPT * predicted or not exact
-        if better and (kept or predicted < BENT):
-            return new, damping / FACTOR, predicted
-        if predicted < ENOUGH:
+        kept = state.cost - new.cost >= KEPT_FALL * predicted or not exact
+        if better and (kept or predicted < BENT_FALL):
+            return new, damping / DAMPING_FACTOR, predicted
+        if predicted < ENDED_FALL:
             break
         others = _bent(model, state, J, x, d, gram, scale, damping)
         best = min([new, *others], key=lambda s: s.cost)
         if best.cost <= state.cost + 1e-9:
-            return best, damping / FACTOR if best is new else damping, predicted
-        damping = max(damping * FACTOR, DAMPED)
+            return best, damping / DAMPING_FACTOR if best is new else damping, predicted
+        damping = max(damping * DAMPING_FACTOR, FAILED_DAMPING)
     return None, damping, 0.0
 
 
@@ -94,7 +94,7 @@ def _bent(
     second = 16 * (half.residual - 2 * quarter.residual + state.residual)
     damped = gram / np.outer(scale, scale) + damping * np.eye(len(d))
     a = -np.linalg.lstsq(damped, J.T @ second / scale, rcond=1e-13)[0] / scale
-    if np.linalg.norm(scale * a) > LONGEST * np.linalg.norm(scale * d):
+    if np.linalg.norm(scale * a) > LONGEST_BEND * np.linalg.norm(scale * d):
         return straight
     low, high = bounds(model, state.free)
     ends = [np.clip(x + s * d + s * s * a / 2, low, high) for s in (1.0, 0.5)]

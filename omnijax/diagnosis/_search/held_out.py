@@ -9,7 +9,7 @@ from .fit import Fit
 from .model import Effect
 
 BLOCKS = SETTINGS.held_out.blocks
-ERRORS = SETTINGS.held_out.errors
+MULTIPLIER_ERRORS = SETTINGS.held_out.multiplier_errors
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,15 +62,15 @@ class HeldOut:
 
     def tells(self, settings: SearchSettings = SETTINGS.search) -> bool:
         """Whether the whole change, were it there, would stand out enough to be confirmed."""
-        return bool(self.size > settings.sure**2 * self.spread)
+        return bool(self.size > settings.sure_sigmas**2 * self.spread)
 
     def confirms(self, gain: float, settings: SearchSettings = SETTINGS.search) -> bool:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
-        slack = min(ERRORS * self.error(gain), settings.slack)
-        same = 1 / settings.share - slack < self.multiplier < settings.share + slack
-        return same and self.sure > settings.sure
+        slack = min(MULTIPLIER_ERRORS * self.error(gain), settings.size_noise)
+        same = 1 / settings.size_factor - slack < self.multiplier < settings.size_factor + slack
+        return same and self.sure > settings.sure_sigmas
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,17 +14,17 @@ from scipy.stats import chi2
 
 from ..._white_noise import noise_squares, repetition
 from .._settings import SETTINGS
-from .spectrum import BROAD, FEWEST, HIGH, Spectrum, Waves, likeliest, likeliest_colour
+from .spectrum import BIN_WAVES, BIN_WIDTH, WHITE_FROM, Spectrum, Waves, likeliest, likeliest_colour
 
-ORDERS = SETTINGS.levels.orders
+DIFFERENCES = SETTINGS.levels.differences
 WINDOW = SETTINGS.levels.window
-FLAT = SETTINGS.levels.flat
-LEANS = SETTINGS.levels.leans
-STRETCHES = SETTINGS.levels.stretches
-SCATTER = SETTINGS.levels.scatter
-BETTER = SETTINGS.levels.better
-FREE = SETTINGS.levels.free
-ALIKE = SETTINGS.levels.alike
+COLOUR_CHANCE = SETTINGS.levels.colour_chance
+FLAT_RATIO = SETTINGS.levels.flat_ratio
+FEWEST_WINDOWS = SETTINGS.levels.fewest_windows
+MEDIAN_SCATTER = SETTINGS.levels.median_scatter
+LOWER_LEVEL = SETTINGS.levels.lower_level
+LEAST_FREEDOM = SETTINGS.levels.least_freedom
+STEP_TOLERANCE = SETTINGS.levels.step_tolerance
 BEGUN = 1 / 3  # run lengths for which a walk would have gone on whose level is a run's mean
 
 
@@ -64,31 +64,33 @@ def white_level(values: np.ndarray) -> tuple[float, float]:
     `recording/_noise.py` sees rest alone and takes the mean square, which scatters less.
     """
     best = (math.nan, math.nan)
-    for order in ORDERS:
+    for order in DIFFERENCES:
         square = noise_squares(values, order)
         square = square[np.isfinite(square)]
         count = len(square) // WINDOW
-        if count < STRETCHES:
+        if count < FEWEST_WINDOWS:
             return best
         free = WINDOW / repetition(order)
         middle = np.median(square[: count * WINDOW].reshape(count, WINDOW).mean(axis=1))
         level = math.sqrt(middle / (chi2.ppf(0.5, free) / free))
-        if not best[0] <= BETTER * level:
-            best = (level, SCATTER / math.sqrt(2 * free * count))
+        if not best[0] <= LOWER_LEVEL * level:
+            best = (level, MEDIAN_SCATTER / math.sqrt(2 * free * count))
     return best
 
 
 def coloured(columns: list[np.ndarray]) -> Spectrum | None:
     """The spectrum of a channel whose noise is not white within chance, and rises where slow."""
     waves = Waves.of(columns)
-    _, power, _ = waves.binned(BROAD, FEWEST * len(columns))
-    if not power.max() > LEANS * power.min():
+    _, power, _ = waves.binned(BIN_WIDTH, BIN_WAVES * len(columns))
+    if not power.max() > FLAT_RATIO * power.min():
         return None
-    high = np.mean(waves.power[waves.frequency > HIGH])
-    if power[0] < LEANS * high:  # windows take the slowest part off; no noise is feared that rises
+    high = np.mean(waves.power[waves.frequency > WHITE_FROM])
+    if (
+        power[0] < FLAT_RATIO * high
+    ):  # windows take the slowest part off; no noise is feared that rises
         return None
     spectrum, p = likeliest_colour(columns)
-    return spectrum if p < FLAT else None
+    return spectrum if p < COLOUR_CHANCE else None
 
 
 def levels(columns: list[np.ndarray], noise_only: bool, steps: Sequence[float] = ()) -> list[Level]:
@@ -116,7 +118,7 @@ def levels(columns: list[np.ndarray], noise_only: bool, steps: Sequence[float] =
         foretold = shape.power(len(x))[1:]
         own = shape.scaled(float(np.mean(Waves.of([x]).power / foretold)) / ratio**2)
         free = used * np.mean(foretold) ** 2 / np.mean(foretold**2)  # a few strong waves say less
-        error = 1 / math.sqrt(max(free, FREE))
+        error = 1 / math.sqrt(max(free, LEAST_FREEDOM))
         out.append(Level(ratio, error, floor, shape.colour, own, used))
     return out
 
@@ -128,7 +130,7 @@ def of_one_step(count: int, steps: Sequence[float] = ()) -> list[list[int]]:
     """
     groups: list[list[int]] = []
     for k in range(count):
-        alike = (g for g in groups if not steps or abs(steps[k] / steps[g[0]] - 1) < ALIKE)
+        alike = (g for g in groups if not steps or abs(steps[k] / steps[g[0]] - 1) < STEP_TOLERANCE)
         group = next(alike, None)
         if group is None:
             groups.append([k])

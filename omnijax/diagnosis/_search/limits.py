@@ -17,12 +17,12 @@ from .._settings import SETTINGS
 from .fit import Fit
 from .model import AbstractModel, to_project
 from .scan import Scan, Score, Signatures, taken_up
-from .through_laws import COLUMNS, variants_through_laws
+from .through_laws import MOST_COLUMNS, variants_through_laws
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = SETTINGS.limits.draws
 BLOCKS = SETTINGS.limits.blocks
-WHOLE = SETTINGS.limits.whole
+MOST_SHARE = SETTINGS.limits.most_share
 # sizes whose variants stand for one effect: the least limit holds
 SMALLEST = ("gap", "delay", "tau")
 BOUND = "limit"  # a law that bounds what passes is the stronger the lower its bound
@@ -59,7 +59,7 @@ def upper_limits(
         stepped = {"all", *(e.place for e in fit.point.effects if model.bends(e.id))}
         bent = [s for s in holding.values() if model.bends(s.candidate.id)]
         bent.sort(key=lambda s: s.candidate.place not in stepped)
-        tables = variants_through_laws(model, fit.point, scan, bent[:COLUMNS])
+        tables = variants_through_laws(model, fit.point, scan, bent[:MOST_COLUMNS])
         if tables:
             some = [signatures.layout.candidates[i] for i in tables]
             through = Signatures(some, np.concatenate([*tables.values()]))
@@ -105,13 +105,13 @@ def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
 def largest_of(model: AbstractModel, id: str, key: str) -> float:
     """The largest size that an effect's parameter may have, of either sign.
 
-    Its own bound; of strengths that are shares, as creep and gains, no more than the `WHOLE`.
+    Its own bound; of strengths that are shares, as creep and gains, no more than the `MOST_SHARE`.
     """
     known = model.laws[id].parameters.get(key)
     if known is None:
         return math.inf
     largest = max(-known.low, known.high)
-    return min(largest, WHOLE) if known.linear and known.unit == "1" else largest
+    return min(largest, MOST_SHARE) if known.linear and known.unit == "1" else largest
 
 
 def inflation(signatures: Signatures, score: Score, residual: np.ndarray) -> float:

@@ -15,11 +15,11 @@ from .._settings import SETTINGS, SearchSettings
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
 THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
 HARD = SETTINGS.model.hard
-AT_END = SETTINGS.model.at_end
-BLOCKS = SETTINGS.model.blocks
-WIDTH = SETTINGS.model.width
-SLOWER = SETTINGS.model.slower
-FASTER = SETTINGS.model.faster
+BOUND_TOLERANCE = SETTINGS.model.bound_tolerance
+SHUFFLED_BLOCKS = SETTINGS.model.shuffled_blocks
+WIDTH_RANGE = SETTINGS.model.width_range
+SPEED_BELOW = SETTINGS.model.speed_below
+SPEED_ABOVE = SETTINGS.model.speed_above
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,14 +58,14 @@ class Prior:
 
     def at_bound(self, u: float) -> bool:
         """Whether the unit coordinate `u` is at an end of its range."""
-        within = self.hard * AT_END
+        within = self.hard * BOUND_TOLERANCE
         return not self.least + within <= u <= self.hard - within
 
     def cannot_yield(self, u: float) -> bool:
         """Whether at `u` what it cannot take up is left to candidates: at a bound beyond doubt."""
         if self.limited:
             return self.at_bound(u)
-        return -self.hard < self.least and u - self.least < self.hard * AT_END
+        return -self.hard < self.least and u - self.least < self.hard * BOUND_TOLERANCE
 
 
 def unit_bounds(priors: Sequence[Prior]) -> tuple[np.ndarray, np.ndarray]:
@@ -271,7 +271,9 @@ class AbstractModel(abc.ABC):
     def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""
 
-    def shuffled(self, residual: np.ndarray, seed: int, blocks: int = BLOCKS) -> np.ndarray:
+    def shuffled(
+        self, residual: np.ndarray, seed: int, blocks: int = SHUFFLED_BLOCKS
+    ) -> np.ndarray:
         """A residual in blocks of changed order and sign: its colour, but tied to no signature."""
         rng = np.random.default_rng(seed)
         parts = np.array_split(np.roll(residual, rng.integers(len(residual))), blocks)
@@ -312,9 +314,11 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
                 continue
             p = known[key]
             if key == "width" and width is not None:
-                out.append(Free(i, key, None, width / WIDTH, width * WIDTH))
+                out.append(Free(i, key, None, width / WIDTH_RANGE, width * WIDTH_RANGE))
             elif key == "speed" and of_library(law):  # that of a friction
-                out.append(Free(i, key, None, float(value) / SLOWER, float(value) * FASTER))
+                out.append(
+                    Free(i, key, None, float(value) / SPEED_BELOW, float(value) * SPEED_ABOVE)
+                )
             elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
             else:

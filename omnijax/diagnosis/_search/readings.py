@@ -11,7 +11,7 @@ from .spectrum import of_waves, to_waves
 from .where import shares, state
 
 KNOTS = SETTINGS.readings.knots
-LEAST = SETTINGS.readings.least
+LEAST_DIRECTION = SETTINGS.readings.least_direction
 
 
 def on_reading(
@@ -65,7 +65,11 @@ def in_all_runs(
     noise = levels(known, True, steps)
     y = _whitened(raw, noise)[:, 0]
     u, s, v = np.linalg.svd(_whitened(columns, noise), full_matrices=False)
-    u, s, v = u[:, s > LEAST * s[0]], s[s > LEAST * s[0]], v[s > LEAST * s[0]]
+    u, s, v = (
+        u[:, s > LEAST_DIRECTION * s[0]],
+        s[s > LEAST_DIRECTION * s[0]],
+        v[s > LEAST_DIRECTION * s[0]],
+    )
     if not len(s) or not y.any():
         return None
     (answer,) = shares(y, (), seed, [state(name, u)])

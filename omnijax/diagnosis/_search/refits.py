@@ -8,12 +8,12 @@ from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point, with_width
 from .starts import Start
 
-ROUNDS = SETTINGS.refits.rounds
+EFFECT_STEPS = SETTINGS.refits.effect_steps
 RELATIVE = SETTINGS.refits.relative
-OPENING = SETTINGS.refits.opening
-WEAKER = SETTINGS.refits.weaker
-WIDE = SETTINGS.refits.wide
-SETTLED = SETTINGS.refits.settled
+OPENING_RELATIVE = SETTINGS.refits.opening_relative
+WEAKER_STRENGTHS = SETTINGS.refits.weaker_strengths
+WIDTH_STEPS = SETTINGS.refits.width_steps
+SETTLED_RATIO = SETTINGS.refits.settled_ratio
 # times the best cost, by whether a law is stepped
 WIDTHS_MATTER = {True: SETTINGS.refits.stepped_widths, False: SETTINGS.refits.plain_widths}
 
@@ -54,16 +54,16 @@ class Refits:
         """
         point, enough, patience = (
             self.tamed(self.model.remembered(start.point), fit),
-            self.settings.hopeless * least,
+            self.settings.hopeless_cost * least,
             PATIENCE,
         )
         if openings is not None and self.model.needs_stepping(point.effects[-1:]):
             followed = self.opened(fit.point, point, openings)
-            enough = min(enough, (1 - self.settings.little) * fit.cost)
+            enough = min(enough, (1 - self.settings.least_closed) * fit.cost)
             patience = patience if followed else 1
             point = followed or point
         tangents = self.tangents(fit, point.effects)
-        new = refit(self.model, point, baseline=tangents, rounds=ROUNDS, relative=RELATIVE,
+        new = refit(self.model, point, baseline=tangents, rounds=EFFECT_STEPS, relative=RELATIVE,
                     give_up=enough, patience=patience)  # fmt: skip
         return self.trial(fit, new, before)
 
@@ -78,7 +78,9 @@ class Refits:
         """
         followed = None
         for share in self.settings.openings:
-            if chi2_of(self.model, point, "train") < self.settings.nearly * self.model.dof("train"):
+            if chi2_of(self.model, point, "train") < self.settings.near_noise * self.model.dof(
+                "train"
+            ):
                 return point
             if share not in self.openings:
                 self.openings[share] = self.model.opening(share)
@@ -86,12 +88,13 @@ class Refits:
             part.work = 0.0
             before, fit = (
                 chi2_of(part, without, "train"),
-                refit(part, point, rounds=ROUNDS, relative=OPENING),
+                refit(part, point, rounds=EFFECT_STEPS, relative=OPENING_RELATIVE),
             )
             self.model.work += share * part.work
             closed = (before - fit.cost) / max(before - part.dof("train"), 1.0)
-            if closed < self.settings.promise or not fit.cost < self.settings.hopeless * least.get(
-                share, np.inf
+            if (
+                closed < self.settings.opening_closed
+                or not fit.cost < self.settings.hopeless_cost * least.get(share, np.inf)
             ):
                 break
             followed, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
@@ -138,7 +141,7 @@ class Refits:
         strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
         stepped = strong and self.model.needs_stepping([last])
         best, least = point, np.inf
-        for factor in WEAKER if stepped else (1.0,):
+        for factor in WEAKER_STRENGTHS if stepped else (1.0,):
             values = last.values | {k: factor * last.values[k] for k in strong}
             effects = (*others, Effect(last.id, last.place, values))
             for u in (point.u, fit.point.u, 0 * point.u):
@@ -157,12 +160,12 @@ class Refits:
     def settled(self, point: Point, before: float) -> Fit:
         """The fit from a point near its end; `before` is its chi2 as the data were prepared."""
         self.model.tell("smoothing the runs about it")
-        for fit in refits_about(self.model, point, self.settings.settles):
+        for fit in refits_about(self.model, point, self.settings.settle_rounds):
             left = fit.chi2 / self.model.dof("train")
             self.model.tell(f"settling the joint refit: chi2 {left:.4g} a row")
             near = (
-                fit.chi2 < self.settings.settled * self.model.dof("train")
-                or fit.chi2 > SETTLED * before
+                fit.chi2 < self.settings.settled_misfit * self.model.dof("train")
+                or fit.chi2 > SETTLED_RATIO * before
             )
             if near or not self.model.unsettled(fit.point):
                 break
@@ -184,5 +187,5 @@ class Refits:
         if stated or not np.isfinite(fit.cost):
             return fit
         point = fit.point.with_effects(*wide)
-        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=WIDE)
+        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=WIDTH_STEPS)
         return freed if freed.cost < fit.cost - self.settings.margin else fit

@@ -19,8 +19,8 @@ from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
 from .through_laws import scored_through_laws
 
-ROUNDS = SETTINGS.refits.rival
-WITHOUT = SETTINGS.refits.without
+RIVAL_STEPS = SETTINGS.refits.rival_steps
+WITHOUT_STEPS = SETTINGS.refits.without_steps
 
 
 class Rival(NamedTuple):
@@ -88,7 +88,7 @@ class Review:
         while k < len(fit.point.effects):
             effects, without = fit.point.effects, fit.point.without(k)
             start = without if without.effects else baseline.point
-            less = refit(self.model, start, rounds=WITHOUT)
+            less = refit(self.model, start, rounds=WITHOUT_STEPS)
             why = self._needless(less, fit, baseline, effects[k])
             if why:
                 self.tell(f"{effects[k].name} is not needed: {why}")
@@ -108,7 +108,7 @@ class Review:
         if less.cost - fit.cost < self.settings.margin:
             return "the fitted runs do without it"
         if not self._matters(less, fit, baseline):
-            return f"it moves no output group's RMS by {100 * self.settings.material:g} %"
+            return f"it moves no output group's RMS by {100 * self.settings.material_change:g} %"
         if self._refused(less, fit):
             return f"{self.who} are better foretold without it"
         if self.model.as_noise(less, fit, effect):
@@ -137,8 +137,8 @@ class Review:
         """`_matters` in one split, by RMS of groups without effects, `without` one, and with it."""
         settings = self.settings
         return any(
-            without[g] > (1 + settings.material) * x
-            and without[g] ** 2 - x**2 > settings.exact**2 * (first[g] ** 2 - x**2)
+            without[g] > (1 + settings.material_change) * x
+            and without[g] ** 2 - x**2 > settings.prediction_error**2 * (first[g] ** 2 - x**2)
             for g, x in with_it.items()
         )
 
@@ -154,7 +154,9 @@ class Review:
             if self.model.spent:
                 break
             new, best, held, left_held = self._refitted(fit, i, score), fit, 0.0, None
-            if new.cost - fit.cost < max(self.settings.near, self.settings.little * own):
+            if new.cost - fit.cost < max(
+                self.settings.near_margin, self.settings.least_closed * own
+            ):
                 alone = alone or self.model.on_its_own(fit)
                 (best, left), (new, rival_left) = alone, self.model.on_its_own(new)
                 held = self._held_margin(rival_left, left)
@@ -162,19 +164,19 @@ class Review:
             rival, margin = new.point.effects[i], self.model.margin(best, new)
             self.tell(f"rival {rival.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
-            least = -max(self.settings.equal, plainer * own)
+            least = -max(self.settings.equal_margin, plainer * own)
             if self._widens(rival, effects[i]):
-                least = -self.settings.equal
+                least = -self.settings.equal_margin
             elif self._widens(effects[i], rival):  # what it is more than the rival has to show
-                least = self.settings.equal
+                least = self.settings.equal_margin
             if margin < least:  # by train runs alone, unless held-out runs refuse it
                 if self._foretells(new, fit, i):
                     return new, []
                 continue
-            if margin < self.settings.near:
+            if margin < self.settings.near_margin:
                 margin += held
             if self._widens(rival, effects[i]):  # one that explains as much is no other explanation
-                if margin < self.settings.near:
+                if margin < self.settings.near_margin:
                     self.wider[effects[i].name].append(rival.name)
                 continue
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
@@ -184,15 +186,18 @@ class Review:
 
     def _foretells(self, new: Fit, fit: Fit, i: int) -> bool:
         """Whether held-out runs are no better foretold without the rival in place of effect i."""
-        return not self._refused(refit(self.model, fit.point.without(i), rounds=WITHOUT), new)
+        return not self._refused(refit(self.model, fit.point.without(i), rounds=WITHOUT_STEPS), new)
 
     def _refitted(self, fit: Fit, i: int, score: Score) -> Fit:
         """The refit with a scored candidate in place of effect i."""
         # the tangents of the effect that a rival imitates, until they prove wrong
         tangents = fit.jacobian[:, : len(fit.point.u)]
-        new = refit(self.model, self._in_place(fit, i, score), baseline=tangents, rounds=ROUNDS,
-                    give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
-        if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
+        new = refit(self.model, self._in_place(fit, i, score), baseline=tangents,
+                    rounds=RIVAL_STEPS, give_up=self.settings.far_cost * fit.cost,
+                    patience=1)  # fmt: skip
+        if (
+            new.cost - fit.cost < self.settings.near_margin
+        ):  # too near to hang on another's tangents
             new = refit(self.model, new.point)
         return self.refits.widened(new, fit.cost)
 
@@ -237,7 +242,7 @@ class Review:
                 continue
             moved = dataclasses.replace(effect, place=place)
             point = fit.point.with_effects(*effects[:i], moved, *effects[i + 1 :])
-            alike = chi2_of(self.model, point, "train") < fit.chi2 + self.settings.near
+            alike = chi2_of(self.model, point, "train") < fit.chi2 + self.settings.near_margin
             if alike and not self.model.has(others, effect.id, place):
                 out.append(score)
         return out
@@ -265,8 +270,12 @@ class Review:
         names, others = {e.name for e in effects}, fit.point.without(i).effects
         best = [s for s in scan.best_per_name() if s.candidate.name not in names
                 and not self.model.has(others, s.candidate.id, s.candidate.place)]  # fmt: skip
-        near = [s for s in best[: self.settings.rivals] if own - s.gain < self.settings.near]
-        like = [s for s in best[: self.settings.few] if s.gain > self.settings.like * own]
+        near = [
+            s for s in best[: self.settings.most_rivals] if own - s.gain < self.settings.near_margin
+        ]
+        like = [
+            s for s in best[: self.settings.like_rivals] if s.gain > self.settings.like_gain * own
+        ]
         elsewhere = self._elsewhere(scan, fit, i)
         return list({s.candidate.name: s for s in [*near, *elsewhere, *like]}.values())
 
@@ -280,7 +289,7 @@ class Review:
         taken, name = taken_up(J, len(u)), effects[i].name
 
         def near(scan: Scan) -> list[str]:
-            best = scan.best_per_name()[: self.settings.rivals]
+            best = scan.best_per_name()[: self.settings.most_rivals]
             return [*dict.fromkeys((name, *(s.candidate.name for s in best)))]
 
         return scored_through_laws(

@@ -12,7 +12,7 @@ from scipy.stats import chi2 as chi2_law
 from .._settings import SETTINGS
 from .._threads import each
 
-PRICE = SETTINGS.search.price
+COLUMN_PRICE = SETTINGS.search.column_price
 PIECE = 32  # columns that are worked on together
 
 
@@ -47,7 +47,7 @@ class Score:
     @property
     def merit(self) -> float:
         """Gain less the price of the columns."""
-        return self.gain - PRICE * self.columns
+        return self.gain - COLUMN_PRICE * self.columns
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,7 +20,7 @@ from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, beside_taken, chance, taken_up
 from .starts import (
-    BEHIND,
+    NAME_GAIN,
     Start,
     at_finite_strength,
     beside_waves,
@@ -33,7 +33,7 @@ from .starts import (
 )
 from .through_laws import scored_through_laws
 
-WITHOUT = SETTINGS.refits.without
+WITHOUT_STEPS = SETTINGS.refits.without_steps
 
 
 @dataclasses.dataclass
@@ -198,7 +198,7 @@ class Search:
         Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
         """
         sure = None  # the way up to its first step on trust
-        while len(way.fit.point.effects) < self.settings.most:
+        while len(way.fit.point.effects) < self.settings.most_effects:
             if way.signatures is not None and self.model.spent:
                 break
             way = way.without_table()  # room for the next one
@@ -223,13 +223,15 @@ class Search:
         what the first one does there.  Whether each is there is asked once all are in.
         """
         held = chi2_of(self.model, way.fit.point, "held-out")
-        strong = self.strong(way.fit) or held > self.settings.strong * self.model.dof("held-out")
+        strong = self.strong(way.fit) or held > self.settings.strong_misfit * self.model.dof(
+            "held-out"
+        )
         if not strong and self.floor_reached(way.fit, held):
             return []
         gap = way.fit.chi2 - self.model.dof("train")
         return [
             t for t in way.trials[-1][:1]
-            if t.gain > self.settings.trusted * gap and np.isfinite(t.held.gain)
+            if t.gain > self.settings.trusted_closed * gap and np.isfinite(t.held.gain)
             and not self.has(way.fit, t.effect)
         ]  # fmt: skip
 
@@ -255,7 +257,7 @@ class Search:
         """
         after = residual_of(self.model, fit.point, "held-out")
         for point in others:
-            less = refit(self.model, point, rounds=WITHOUT)
+            less = refit(self.model, point, rounds=WITHOUT_STEPS)
             gain = less.cost - fit.cost
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
             if gain < least or not held.confirms(gain, self.settings):
@@ -278,13 +280,13 @@ class Search:
     def little(self, fit: Fit, trial: Trial) -> bool:
         """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
         dof = self.model.dof("train")
-        return self.strong(fit) and trial.gain < self.settings.little * (fit.chi2 - dof)
+        return self.strong(fit) and trial.gain < self.settings.least_closed * (fit.chi2 - dof)
 
     def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
         """The way with an accepted effect; one that closes most of the gap earns a new budget."""
         name, held = trial.effect.name, trial.held
         gap = way.fit.chi2 - self.model.dof("train")
-        if self.strong(way.fit) and trial.gain > self.settings.trusted * gap:
+        if self.strong(way.fit) and trial.gain > self.settings.trusted_closed * gap:
             self.model.work = 0.0
         if trial.accepted:
             share = f"{held.multiplier:.2f} ± {1 / np.sqrt(held.size):.2g}"
@@ -299,7 +301,9 @@ class Search:
         """The way itself, or a better one from a runner-up of its first step."""
         start = way
         accepted = self.promising(baseline, way.trials[0]) if way.trials else []
-        accepted = [t for t in accepted if t.fit.cost < self.settings.close * accepted[0].fit.cost]
+        accepted = [
+            t for t in accepted if t.fit.cost < self.settings.runner_up_cost * accepted[0].fit.cost
+        ]
         for trial in accepted[1 : 1 + self.settings.runners_up]:
             if way.noise_only or self.model.spent:
                 break
@@ -308,7 +312,7 @@ class Search:
             self.tell(f"something is left (chi2 {left:.3f} a row): going on from {name} instead")
             first = SearchPath(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
-            less = (1 - self.settings.lead) * total_cost(way.fit)
+            less = (1 - self.settings.runner_up_lead) * total_cost(way.fit)
             if total_cost(other.fit) < less:  # by train runs alone
                 way = other
         if len(accepted) > 1 and not start.noise_only:
@@ -342,7 +346,7 @@ class Search:
 
     def strong(self, fit: Fit) -> bool:
         """Whether so much is left that tangents do not rank what explains it."""
-        return fit.chi2 > self.settings.strong * self.model.dof("train")
+        return fit.chi2 > self.settings.strong_misfit * self.model.dof("train")
 
     def in_a_part(self, fit: Fit, signatures: Signatures) -> list[Score]:
         """Candidates that explain nearly all that a part of the channels shows of a strong gap.
@@ -356,9 +360,9 @@ class Search:
         for rows in self.model.parts():
             here = fit.residual * rows
             gap = float(here @ here) - np.count_nonzero(here)
-            if gap > (self.settings.strong - 1) * np.count_nonzero(here):
+            if gap > (self.settings.strong_misfit - 1) * np.count_nonzero(here):
                 scan = signatures.scan_within(rows, fit.residual, J, u)
-                out += [s for s in scan.best_per_name() if s.gain > self.settings.nearly_all * gap]
+                out += [s for s in scan.best_per_name() if s.gain > self.settings.part_closed * gap]
         return out
 
     def trials(self, fit: Fit, scan: Scan, further: Sequence[Score] = ()) -> list[Trial]:
@@ -373,14 +377,14 @@ class Search:
         before = residual_of(self.model, fit.point, "held-out")
         lines = other_lines(self.model, fit, scan, scores)
         trials, openings = [], {} if self.strong(fit) else None
-        for start in starts[: self.settings.tried]:
+        for start in starts[: self.settings.refitted]:
             if trials and self.model.spent:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
             every = (start, *lines.get(start.name, ()))
             alike: list[Trial] = []
             for k, begin in enumerate(every):
-                if alike and fit.cost - alike[0].fit.cost < BEHIND * (fit.cost - least):
+                if alike and fit.cost - alike[0].fit.cost < NAME_GAIN * (fit.cost - least):
                     break  # the first, of as large a tangent as its others, is no rival of the best
                 self.tell(f"refitting with {start.name}" + (f", line {k + 1}" if k else ""))
                 alike.append(self.refits.try_out(fit, begin, before, least, openings))
@@ -393,8 +397,8 @@ class Search:
             if all(self.little(fit, t) for t in trials) and len(trials) > 1:
                 break  # those after them promise less
             left = float(before @ before) - trial.held.gain
-            near = trial.fit.chi2 < self.settings.nearly * train
-            if trial.accepted and near and left < self.settings.nearly * held:
+            near = trial.fit.chi2 < self.settings.near_noise * train
+            if trial.accepted and near and left < self.settings.near_noise * held:
                 return self.ranked(fit, trials)  # rivals: in the review
         if not all(self.little(fit, t) for t in trials):
             trials = self.refits.with_widths(fit, trials, before)
@@ -419,26 +423,26 @@ class Search:
         first = likelier(by_tangent(fit, scores))
         if strong:  # a strong delay's tangents do not tell its rank, and it is tried for little
             late = without_strength(self.model)
-            some = promising(scan, late, self.settings.worth / 2)
+            some = promising(scan, late, self.settings.promise_share / 2)
             real = at_finite_strength(self.model, fit, some, late)
             new = [s for s in real if not self.has(fit, s.point.effects[-1])]
             first = likelier([*first, *new])
-            enough = self.settings.strong * self.model.dof("train")
+            enough = self.settings.strong_misfit * self.model.dof("train")
             if all(s.cost > enough for s in first):
                 first = likelier([*first, *beside_waves(self.model, fit, some, enough)])
-        starts = worth(first, fit.cost, self.settings.worth)
+        starts = worth(first, fit.cost, self.settings.promise_share)
         ids = {k for k in self.model.laws if self.model.bends(k)}
-        plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
-        plain = plain and self.settings.strong > 0  # else no tangent ranks what is stepped
+        plain = starts and not any(self.stepped(s) for s in starts[: self.settings.refitted])
+        plain = plain and self.settings.strong_misfit > 0  # else no tangent ranks what is stepped
         if not strong or plain or not ids:
             return starts
         self.tell("laws that bend with their strength, at finite ones")
-        names = [s.name for s in starts if self.stepped(s)][: self.settings.tried]
+        names = [s.name for s in starts if self.stepped(s)][: self.settings.refitted]
         leading = [s for s in scores if s.candidate.name in names]
         finite = at_finite_strength(self.model, fit, scan.scores, ids, leading)
         others = [s for s in first if not self.stepped(s)]
         new = [s for s in finite if not self.has(fit, s.point.effects[-1])]
-        return worth([*new, *others], fit.cost, self.settings.worth)
+        return worth([*new, *others], fit.cost, self.settings.promise_share)
 
     def stepped(self, start: Start) -> bool:
         """Whether a start's new law is stepped in time, and so no multiple of its tangent."""
@@ -452,7 +456,10 @@ class Search:
         """
         sizes = self.model.dof("train"), self.model.dof("held-out")
         return all(
-            left - n < max(self.settings.noise * np.sqrt(2 * n), self.settings.rest * (begun - n))
+            left - n
+            < max(
+                self.settings.noise_sigmas * np.sqrt(2 * n), self.settings.noise_share * (begun - n)
+            )
             for left, begun, n in zip((fit.chi2, held), self.begun, sizes, strict=True)
         )
 

@@ -25,10 +25,10 @@ from scipy.stats import chi2
 
 from .._settings import SETTINGS
 
-HIGH = SETTINGS.spectrum.high
-BROAD = SETTINGS.spectrum.broad
-FEWEST = SETTINGS.spectrum.fewest
-EARLIER = SETTINGS.spectrum.earlier
+WHITE_FROM = SETTINGS.spectrum.white_from
+BIN_WIDTH = SETTINGS.spectrum.bin_width
+BIN_WAVES = SETTINGS.spectrum.bin_waves
+WALK_BEFORE = SETTINGS.spectrum.walk_before
 CORNERS = SETTINGS.spectrum.corners
 # power over white noise's: of a walk at a run's slowest wave, of low-pass noise at its slow end
 POWERS = np.concatenate([[0.0], np.logspace(*SETTINGS.spectrum.decades, SETTINGS.spectrum.powers)])
@@ -71,7 +71,7 @@ class Spectrum:
         names = {"wandering": self.walk, "low-pass": self.low_pass, "offset by run": self.offset}
         return next((name for name, power in names.items() if power), "white")
 
-    def power(self, samples: int, earlier: float = EARLIER) -> np.ndarray:
+    def power(self, samples: int, earlier: float = WALK_BEFORE) -> np.ndarray:
         """Power (samples,) of the waves of a run.
 
         The mean's is that of the white and the low-pass part at frequency zero, and of a walk that
@@ -140,11 +140,11 @@ class Likeliest(NamedTuple):
 
 def likeliest(waves: Waves, white: float) -> dict[str, Likeliest]:
     """Beside white noise of a level: by what else there is, "walk", "low-pass" or "both"."""
-    f, power, count = waves.binned(SETTINGS.spectrum.alike, 1)
+    f, power, count = waves.binned(SETTINGS.spectrum.merged_waves, 1)
     slowest, total = f[0], count * power / white**2
     walk = POWERS[:, None] * (slowest / f) ** 2
     best = {}
-    for corner in np.geomspace(SETTINGS.spectrum.lowest * slowest, f[-1], CORNERS):
+    for corner in np.geomspace(SETTINGS.spectrum.slowest_corner * slowest, f[-1], CORNERS):
         over = walk[:, None] + POWERS[:, None] / (1 + (f / corner) ** 2)
         gain = over / (1 + over) @ total - np.log1p(over) @ count
         for name, some in (("walk", gain[:, :1]), ("low-pass", gain[:1]), ("both", gain)):
@@ -168,10 +168,10 @@ def likeliest_colour(columns: Sequence[np.ndarray]) -> tuple[Spectrum, float]:
     cost.
     """
     waves = Waves.of(columns)
-    white = float(np.sqrt(np.mean(waves.power[waves.frequency > HIGH])))
+    white = float(np.sqrt(np.mean(waves.power[waves.frequency > WHITE_FROM])))
     best, price = likeliest(waves, white), np.log(len(waves.power))
     name = max(best, key=lambda k: best[k].gain - NUMBERS[k] * price)
     plain, gain = best[name]
     beside = Waves(waves.frequency, waves.power / plain.plain(waves.frequency))
-    ratio = beside.binned(BROAD, FEWEST * len(columns))[:2]
+    ratio = beside.binned(BIN_WIDTH, BIN_WAVES * len(columns))[:2]
     return dataclasses.replace(plain, ratio=ratio), float(chi2.sf(gain, NUMBERS[name]))

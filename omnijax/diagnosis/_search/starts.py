@@ -15,15 +15,15 @@ from .._settings import SETTINGS
 from .candidates import strengths
 from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
-from .scan import PRICE, Scan, Score
+from .scan import COLUMN_PRICE, Scan, Score
 from .valley import ends_of_valleys
 from .waves import scanned_beside
 
 LINES = {"order", "frequency"}  # numbers of a line
-EQUALS = SETTINGS.starts.equals
-OTHERS = SETTINGS.starts.others
-BEHIND = SETTINGS.starts.behind
-CLOSER = SETTINGS.starts.closer
+EQUAL_GAIN = SETTINGS.starts.equal_gain
+OTHER_LINES = SETTINGS.starts.other_lines
+NAME_GAIN = SETTINGS.starts.name_gain
+HALVINGS = SETTINGS.starts.halvings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,9 +68,9 @@ def other_lines(
         near = [
             s for s in scan.order
             if s.candidate.name == c.name and s.index != best.index and s.allowed
-            and s.gain > EQUALS * best.gain
+            and s.gain > EQUAL_GAIN * best.gain
         ]  # fmt: skip
-        out[c.name] = by_tangent(fit, near[:OTHERS])
+        out[c.name] = by_tangent(fit, near[:OTHER_LINES])
     return out
 
 
@@ -86,12 +86,12 @@ def at_finite_strength(
     numbers, starts stand at the ends of that valley too.
     """
     u = fit.point.u
-    kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
+    kept = np.max(np.abs(u), initial=0.0) < model.settings.bent_sigmas
     stated = Point(0 * u, fit.point.effects)
     anchors = [] if kept else [stated]
-    if kept or model.settings.both:
+    if kept or model.settings.both_anchors:
         anchors.append(fit.point)
-    if model.settings.both:
+    if model.settings.both_anchors:
         anchors += ends_of_valleys(model, fit)
     tried = [(anchor, scores) for anchor in anchors]
     if leading and not any(anchor is fit.point for anchor in anchors):
@@ -144,7 +144,7 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
             if np.all(np.abs(residual) < 1e100):
                 there, cost = predicted(model, anchor, residual, J)
                 full = there.with_effects(*there.effects, point.effects[-1])
-                price = PRICE * len(point.effects[-1].values)
+                price = COLUMN_PRICE * len(point.effects[-1].values)
                 starts.append(Start(full, share * cost + price))
         return starts
 
@@ -172,10 +172,12 @@ def _closer(
     for starts in made.values():
         law = starts[0].point.effects[-1]
         best = min(s.cost for s in starts)
-        if not _one_number(model, law) or cost - best <= model.settings.worth * (cost - least):
+        if not _one_number(model, law) or cost - best <= model.settings.promise_share * (
+            cost - least
+        ):
             continue
         (key,) = law.values
-        for _ in range(CLOSER):
+        for _ in range(HALVINGS):
             order = sorted(starts, key=lambda s: s.point.effects[-1].values[key])
             at = int(np.argmin([s.cost for s in order]))
             sizes = [s.point.effects[-1].values[key] for s in order[max(0, at - 1) : at + 2]]
@@ -203,7 +205,7 @@ def beside_waves(
     for s in sorted(scores, key=lambda s: -s.gain):
         if _reads(model, s) and not model.has(fit.point.effects, s.candidate.id, s.candidate.place):
             laws.setdefault(s.candidate.name, []).append(s)
-    kept = np.max(np.abs(fit.point.u), initial=0.0) < model.settings.ran_off
+    kept = np.max(np.abs(fit.point.u), initial=0.0) < model.settings.bent_sigmas
     anchor = fit.point if kept else Point(0 * fit.point.u, fit.point.effects)
     starts: list[Start] = []
     for name, alike in laws.items():
@@ -268,7 +270,7 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     if score.dead:
         return []
     unit = np.sqrt(chi2 / max(score.gain, 1e-300))  # the tangent's change: as the residual
-    factors = [1.0, *(sign * x * unit for x in model.settings.ladder for sign in (1, -1))]
+    factors = [1.0, *(sign * x * unit for x in model.settings.strengths for sign in (1, -1))]
     effects = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
     return [
         e for e in effects

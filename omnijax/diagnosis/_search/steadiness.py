@@ -20,8 +20,8 @@ from .scan import chance
 
 DEGREE = SETTINGS.steadiness.degree
 OF_TIME = ("sensor-drift",)  # laws of the time itself, which noise that wanders makes unsteady
-SURELY = SETTINGS.steadiness.surely
-OWN = SETTINGS.steadiness.own
+CHANCE = SETTINGS.steadiness.chance
+LEAST_DIRECTION = SETTINGS.steadiness.least_direction
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,12 +68,12 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
         size = float(change @ change)
         varied = shapes * change[:, None]
         varied = varied - every @ (every.T @ varied)
-        part = orthonormal_of_many_rows(varied, OWN * float(np.linalg.norm(change)))
+        part = orthonormal_of_many_rows(varied, LEAST_DIRECTION * float(np.linalg.norm(change)))
         d = part @ (part.T @ left)
         shown = HeldOut.of(left, left - d)
         gain = max(0.0, shown.gain) / shown.spread
         share = np.sqrt(max(0.0, shown.gain - part.shape[1] * shown.spread) / max(size, 1e-300))
         p = chance(gain, part.shape[1])
-        if p < SURELY and share > alike:
+        if p < CHANCE and share > alike:
             out.append(Unsteady(effect.name, float(share), p))
     return sorted(out, key=lambda x: -x.share)

@@ -15,8 +15,8 @@ from .candidates import strengths
 from .model import AbstractModel, Point
 from .scan import Scan, Score, Signatures
 
-COLUMNS = SETTINGS.through_laws.columns
-ALIKE = SETTINGS.through_laws.alike
+MOST_COLUMNS = SETTINGS.through_laws.most_columns
+VARIANTS = SETTINGS.through_laws.variants
 
 
 def through_laws(
@@ -75,12 +75,12 @@ def _variants(model: AbstractModel, point: Point, scan: Scan, names: Iterable[st
         c = score.candidate
         if c.name not in by_name or score.dead or model.laws[c.id].port == "sensor":
             continue
-        if not model.has(point.effects, c.id, c.place) and len(by_name[c.name]) < ALIKE:
+        if not model.has(point.effects, c.id, c.place) and len(by_name[c.name]) < VARIANTS:
             by_name[c.name].append(score)
     some, columns = [], 0
     for score in (s for alike in by_name.values() for s in alike):
         columns += len(score.coefficients)
-        if columns > COLUMNS:
+        if columns > MOST_COLUMNS:
             break
         some.append(score)
     return some

@@ -16,11 +16,11 @@ from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
 from .model import AbstractModel, Point, unit_bounds
 
-FLAT = SETTINGS.valley.flat
+OPEN_SLOPE = SETTINGS.valley.open_slope
 STEP = SETTINGS.valley.step
 CORRECTIONS = SETTINGS.valley.corrections
-ONWARD = SETTINGS.valley.onward
-DEEP = SETTINGS.valley.deep
+LEAST_COSINE = SETTINGS.valley.least_cosine
+VALLEY_COST = SETTINGS.valley.valley_cost
 
 
 def ends_of_valleys(model: AbstractModel, fit: Fit) -> list[Point]:
@@ -38,7 +38,7 @@ def _flat(J: np.ndarray) -> np.ndarray:
     if not J.size or not np.all(np.isfinite(J)):
         return np.zeros((0, J.shape[1]))
     _, sizes, right = np.linalg.svd(J, full_matrices=False)
-    return right[sizes < FLAT]
+    return right[sizes < OPEN_SLOPE]
 
 
 def along_valley(model: AbstractModel, fit: Fit, way: np.ndarray) -> Iterator[Point]:
@@ -51,12 +51,12 @@ def along_valley(model: AbstractModel, fit: Fit, way: np.ndarray) -> Iterator[Po
         for _ in range(CORRECTIONS):
             point = _moved(model, point, -_least(J) @ r)
             r, J = _rows(model, point)
-        if not float(r @ r) < DEEP * fit.chi2 or np.linalg.norm(point.u - begun) < STEP / 2:
+        if not float(r @ r) < VALLEY_COST * fit.chi2 or np.linalg.norm(point.u - begun) < STEP / 2:
             return
         yield point
         on = _flat(J)
         ahead = on.T @ (on @ way)
-        if not np.linalg.norm(ahead) > ONWARD:
+        if not np.linalg.norm(ahead) > LEAST_COSINE:
             return
         way = ahead / np.linalg.norm(ahead)
 
@@ -72,7 +72,7 @@ def _least(J: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(J)):
         return np.zeros(J.T.shape)
     left, sizes, right = np.linalg.svd(J, full_matrices=False)
-    told = sizes >= FLAT
+    told = sizes >= OPEN_SLOPE
     return (right[told].T / sizes[told]) @ left[:, told].T
 
 

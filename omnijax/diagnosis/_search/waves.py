@@ -17,9 +17,9 @@ from .fit import tangents_at
 from .model import AbstractModel, Point, unit_bounds
 from .scan import taken_up
 
-WAVY = SETTINGS.waves.wavy
-FINEST = SETTINGS.waves.finest
-BESIDE = SETTINGS.waves.beside
+WAVY_RATIO = SETTINGS.waves.wavy_ratio
+FINEST_STEP = SETTINGS.waves.finest_step
+SECOND_STEP = SETTINGS.waves.second_step
 FAR = 1e15  # sigma; sums of its squares are numbers in single precision still
 STARTS = SETTINGS.waves.starts
 SEED = 21
@@ -82,15 +82,15 @@ def scanned_beside(model: AbstractModel, points: Sequence[Point], split: str) ->
 def _steps(model: AbstractModel, point: Point, here: np.ndarray, split: str) -> dict[int, float]:
     """By wavy number the step in sigma over which a tangent still tells its change.
 
-    And over `BESIDE` of it: a step of whole waves changes as little as a small one.
+    And over `SECOND_STEP` of it: a step of whole waves changes as little as a small one.
     """
     wavy = {k: 1.0 for k, p in enumerate(model.priors) if not p.limited}
     out: dict[int, float] = {}
     while wavy:
         for k, step in list(wavy.items()):
-            if step <= FINEST or (
+            if step <= FINEST_STEP or (
                 _straight(model, point, k, step, here, split)
-                and _straight(model, point, k, BESIDE * step, here, split)
+                and _straight(model, point, k, SECOND_STEP * step, here, split)
             ):
                 del wavy[k]
                 if step < 1:
@@ -106,7 +106,7 @@ def _straight(
     """Whether equal steps up and down of number `k` make opposite changes, as a tangent's do."""
     values = point.u[k] + np.array([step, -step])
     (up,), (down,) = _changes(model, [point], k, values, [here], split)
-    return bool(np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down))
+    return bool(np.linalg.norm(up + down) < WAVY_RATIO * np.linalg.norm(up - down))
 
 
 def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarray:

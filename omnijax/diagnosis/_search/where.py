@@ -28,22 +28,22 @@ from .._settings import SETTINGS
 from .._threads import each
 
 SHUFFLES = SETTINGS.where.shuffles
-RATE = SETTINGS.where.rate
-ORDERS = SETTINGS.where.orders
-BESIDE = SETTINGS.where.beside
-WIDTH = SETTINGS.where.width
-LEAST = SETTINGS.where.least
+DISCOVERY_RATE = SETTINGS.where.discovery_rate
+HIGHEST_ORDER = SETTINGS.where.highest_order
+NEIGHBOURS = SETTINGS.where.neighbours
+BAND_WIDTH = SETTINGS.where.band_width
+LEAST_COLUMN = SETTINGS.where.least_column
 BINS = SETTINGS.where.bins
-BLOCK = SETTINGS.where.block
-PIECES = SETTINGS.where.pieces
-SHORTEST = SETTINGS.where.shortest
-ENDS = SETTINGS.where.ends
-END = SETTINGS.where.end
-SHAPE = SETTINGS.where.shape
-LIKELIEST = SETTINGS.where.likeliest
-MOSTLY = SETTINGS.where.mostly
+BLOCK_SAMPLES = SETTINGS.where.block_samples
+FEWEST_BLOCKS = SETTINGS.where.fewest_blocks
+SHORTEST_BLOCK = SETTINGS.where.shortest_block
+END_SAMPLES = SETTINGS.where.end_samples
+END_PARTS = SETTINGS.where.end_parts
+LEAST_SHAPE = SETTINGS.where.least_shape
+UNSURE_SHOWN = SETTINGS.where.unsure_shown
+MISSED_SHARE = SETTINGS.where.missed_share
 ROUNDING = SETTINGS.where.rounding
-SHOWN = SETTINGS.search.shown
+SHOWN_MOST = SETTINGS.search.shown_most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,13 +71,13 @@ def questions(
 ) -> list[WhereQuestion]:
     """Bands up to half the sampling rate, orders of every angle, and bins of every state."""
     count, step = len(time), time[1] - time[0]
-    width = max(1, round(WIDTH * count * step))
+    width = max(1, round(BAND_WIDTH * count * step))
     out = []
     for k in range(1, (count - 1) // 2, width):
         end = min(k + width, (count - 1) // 2 + 1)
         middle = (k + end - 1) / 2 / (count * step)
         out.append(WhereQuestion("frequency", middle, "Hz", band=(k, end)))
-    orders = np.arange(1, ORDERS + 1)
+    orders = np.arange(1, HIGHEST_ORDER + 1)
     for name, angle in angles.items():
         phase = np.outer(orders, angle)
         pairs = np.linalg.qr(np.stack([np.cos(phase), np.sin(phase)], axis=2))[0]
@@ -192,7 +192,7 @@ def levelled(columns: np.ndarray) -> np.ndarray:
     Noise that wanders is then periodic.  A level says nothing: random phases leave it to chance.
     """
     n = len(columns)
-    end = max(1, min(ENDS, n // END))
+    end = max(1, min(END_SAMPLES, n // END_PARTS))
     first, last = columns[:end].mean(axis=0), columns[-end:].mean(axis=0)
     level = columns - np.linspace(first, last, n)
     return level - level.mean(axis=0)
@@ -206,7 +206,7 @@ def of_levelled(columns: np.ndarray) -> np.ndarray:
 
     Source: regression beside nuisances (Frisch, Waugh, 1933; Lovell, 1963).
     """
-    basis = orthonormal_of_many_rows(levelled(columns), LEAST)
+    basis = orthonormal_of_many_rows(levelled(columns), LEAST_COLUMN)
     return np.pad(basis, ((0, 0), (0, columns.shape[1] - basis.shape[1])))
 
 
@@ -239,7 +239,7 @@ def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -
         level = float(over @ lines[near]) / lines[near].sum()
         ratio = math.exp(y[k]) / max(level, 1e-300)
         exact = fdtrc(2 * lines[k], 2 * lines[near].sum(), ratio)
-        both = np.sum(near < k) >= BESIDE and np.sum(near > k) >= BESIDE
+        both = np.sum(near < k) >= NEIGHBOURS and np.sum(near > k) >= NEIGHBOURS
         out[k] = exact if both else max(exact, student)
     return out
 
@@ -252,9 +252,9 @@ def _neighbours(middle: bytes) -> list[tuple[int, np.ndarray, np.ndarray, np.nda
     """
     x, out = np.log(np.frombuffer(middle)), []
     for k in range(len(x)):
-        near = [j for j in range(k - BESIDE - 1, k + BESIDE + 2) if 0 <= j < len(x)]
+        near = [j for j in range(k - NEIGHBOURS - 1, k + NEIGHBOURS + 2) if 0 <= j < len(x)]
         near = np.array([j for j in near if abs(j - k) > 1])
-        if len(near) < BESIDE:
+        if len(near) < NEIGHBOURS:
             continue
         line = np.vander(x[near] - x[k], 2)
         out.append((k, near, x[near] - x[k], np.linalg.inv(line.T @ line), line))
@@ -262,13 +262,13 @@ def _neighbours(middle: bytes) -> list[tuple[int, np.ndarray, np.ndarray, np.nda
 
 
 def shuffle(
-    residual: np.ndarray, seed: int, block: int = BLOCK, count: int = SHUFFLES
+    residual: np.ndarray, seed: int, block: int = BLOCK_SAMPLES, count: int = SHUFFLES
 ) -> np.ndarray:
     """Block-shuffled copies (samples, count), every block with a random sign and a random shift."""
     rng = np.random.default_rng(seed)
     n = len(residual)
     out = np.empty((n, count))
-    pieces = max(1, n // min(block, max(SHORTEST, n // PIECES)))
+    pieces = max(1, n // min(block, max(SHORTEST_BLOCK, n // FEWEST_BLOCKS)))
     sizes = np.full(pieces, n // pieces) + (np.arange(pieces) < n % pieces)
     starts = np.cumsum(sizes) - sizes
     for c in range(count):
@@ -290,12 +290,12 @@ def p_value(share: np.ndarray | float, null: np.ndarray) -> np.ndarray:
     mean, variance = np.mean(null, axis=-1), np.var(null, axis=-1, ddof=1)
     usual = (mean > 0) & (mean < 1) & (variance > 0)
     mean, variance = np.where(usual, mean, 0.5), np.where(usual, variance, 1.0)
-    size = np.maximum(mean * (1 - mean) / variance - 1, SHAPE)
+    size = np.maximum(mean * (1 - mean) / variance - 1, LEAST_SHAPE)
     tail = betaincc(mean * size, (1 - mean) * size, np.clip(share, 0.0, 1.0))
     return np.where(usual, tail, 1.0)
 
 
-def discoveries(shares: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
+def discoveries(shares: list[dict[str, Any]], rate: float = DISCOVERY_RATE) -> list[dict[str, Any]]:
     """Those that stand, with the rate of false discoveries shared by lines, orders and states.
 
     There are far more lines than states: asked together they would drown what hangs on a state.
@@ -326,7 +326,7 @@ def discovered(
     columns: dict[str, np.ndarray],
     angles: dict[str, np.ndarray],
     states: dict[str, np.ndarray],
-    top: int = SHOWN,
+    top: int = SHOWN_MOST,
     own: Mapping[str, Sequence[WhereQuestion]] | None = None,
     answers: Sequence[dict[str, Any]] = (),
     drawn: Mapping[str, np.ndarray] | None = None,
@@ -366,6 +366,6 @@ def discovered(
 
 def _likeliest(answers: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The few with the least chance, of the channels that are missed most."""
-    least = MOSTLY * max((f["rms_over_noise"] for f in answers), default=0.0)
+    least = MISSED_SHARE * max((f["rms_over_noise"] for f in answers), default=0.0)
     mostly = [f for f in answers if f["rms_over_noise"] >= least]
-    return sorted(mostly, key=lambda f: f["p"])[:LIKELIEST]
+    return sorted(mostly, key=lambda f: f["p"])[:UNSURE_SHOWN]

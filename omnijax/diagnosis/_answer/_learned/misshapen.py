@@ -22,7 +22,7 @@ from .learned import ports_of
 from .term_fit import FAR, RIDGE, pushed, worthwhile
 from .term_port import AbstractPort
 
-SURELY = SETTINGS.steadiness.surely
+CHANCE = SETTINGS.steadiness.chance
 
 
 def misshapen(model: RigModel, fit: Fit, alike: float) -> list[Misshapen]:
@@ -105,7 +105,7 @@ def _left(
     inner = np.ix_(use, use)
     sizes = np.linalg.solve((gram + ridge)[inner], right[use])
     gain = float(sizes @ right[use])
-    if chance(gain / spread, len(use)) * len(right) ** len(use) > SURELY:
+    if chance(gain / spread, len(use)) * len(right) ** len(use) > CHANCE:
         return 0.0, 0
     tall = np.concatenate([J, np.eye(len(u), J.shape[1])])
     tall_scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)

@@ -11,14 +11,14 @@ from ..._search import WHOLE, Candidate
 from ..._settings import SETTINGS
 from .unit_laws import Context, build, of_units
 
-LEAST_GAP = SETTINGS.candidates.least_gap
-SMALL_GAPS = SETTINGS.candidates.small_gaps
-GAPS = SETTINGS.candidates.gaps
-CLIPPED = SETTINGS.candidates.clipped
-LATE = SETTINGS.candidates.late
-LATEST = SETTINGS.candidates.latest
-BESIDE = SETTINGS.candidates.beside
-EARLIEST = SETTINGS.candidates.earliest
+LEAST_PLAY = SETTINGS.candidates.least_play
+SMALL_PLAYS = SETTINGS.candidates.small_plays
+PLAYS = SETTINGS.candidates.plays
+TORQUE_LIMITS = SETTINGS.candidates.torque_limits
+DELAYS = SETTINGS.candidates.delays
+LONGEST_DELAY = SETTINGS.candidates.longest_delay
+ORDER_APART = SETTINGS.candidates.order_apart
+LEAST_TIME = SETTINGS.candidates.least_time
 
 Law = type[AbstractLaw]
 Decode = Callable[[np.ndarray], dict[str, Any]]
@@ -39,7 +39,7 @@ def _ripple(law: Law, place: str, context: Context) -> list[Candidate]:
     """Whole orders of a torque, and what stands out; of a current only what stands out."""
     lines, trials = context.orders.get(law.id, {}).get(place, ([], 1))
     whole = WHOLE if law.id == "motor-ripple" else ()
-    broken = [n for n in lines if all(abs(n - k) > BESIDE for k in whole)]
+    broken = [n for n in lines if all(abs(n - k) > ORDER_APART for k in whole)]
     return [of_units(law, place, context, {"order": float(n)}) for n in whole] + [
         of_units(law, place, context, {"order": n}, f"order {n:.3g}", trials) for n in broken
     ]
@@ -81,13 +81,13 @@ def _backlash(law: Law, place: str, context: Context) -> list[Candidate]:
     rms = context.mount_rms[names.index(place)] if place in names else context.mount_rms.mean()
 
     def decode(c, k):
-        share = float(np.clip(k * c[0], LEAST_GAP, GAPS[0])) if k in SMALL_GAPS else k
+        share = float(np.clip(k * c[0], LEAST_PLAY, PLAYS[0])) if k in SMALL_PLAYS else k
         return {"gap": rms * share}
 
     return [
         _one_column(law, place, context, lambda c, k=k: decode(c, k), f"gap {k * rms:.2g} m",
                     gap=k * rms)
-        for k in (*SMALL_GAPS, *GAPS)
+        for k in (*SMALL_PLAYS, *PLAYS)
     ]  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def _limited(law: Law, place: str, context: Context) -> list[Candidate]:
     return [
         _one_column(law, place, context, lambda c, k=k: {"limit": k * top},
                     f"limit {k * top:.2g} N m", limit=k * top)
-        for k in CLIPPED if top > 0
+        for k in TORQUE_LIMITS if top > 0
     ]  # fmt: skip
 
 
@@ -133,9 +133,9 @@ def _late(law: Law, place: str, context: Context) -> list[Candidate]:
     (key,) = law.parameters
     return [
         _one_column(law, place, context,
-                    lambda c, d=d: {key: max(EARLIEST, min(LATEST, abs(d * float(c[0]))))},
+                    lambda c, d=d: {key: max(LEAST_TIME, min(LONGEST_DELAY, abs(d * float(c[0]))))},
                     f"{1e3 * d:g} ms", **{key: d})
-        for d in LATE
+        for d in DELAYS
     ]  # fmt: skip
 
 

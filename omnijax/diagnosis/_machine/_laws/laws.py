@@ -83,7 +83,7 @@ def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_
     return np.asarray(shown)
 
 
-LATEST = SETTINGS.candidates.latest
+LONGEST_DELAY = SETTINGS.candidates.longest_delay
 OPENING = SETTINGS.prediction.opening
 COURSE = SETTINGS.prediction.course
 
@@ -102,7 +102,7 @@ def moving_readings(
     past = np.zeros(0)
     if rolls:
         opening, step = slice(0, OPENING), float(time[1] - time[0])
-        past = step * np.arange(-math.ceil(LATEST / step), 0)
+        past = step * np.arange(-math.ceil(LONGEST_DELAY / step), 0)
         course = np.polynomial.polynomial.polyfit(time[opening], values[opening], COURSE)
         before = np.polynomial.polynomial.polyval(past, course).T
         time, values = np.concatenate([time[0] + past, time]), np.concatenate([before, values])

@@ -18,7 +18,7 @@ ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
 SHORTEST = SETTINGS.data_vector.shortest
 UNTOLD = SETTINGS.turning_noise.small
-LATE = max(SETTINGS.candidates.late)
+LATE = max(SETTINGS.candidates.delays)
 
 
 def rotation_channels(wheels: int) -> tuple[str, ...]:

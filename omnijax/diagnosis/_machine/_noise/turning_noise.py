@@ -37,12 +37,12 @@ from ..._search import (
 from ..._settings import SETTINGS
 from .data_vector import DataRows
 
-BROAD = SETTINGS.spectrum.broad
-HIGH = SETTINGS.spectrum.high
+BIN_WIDTH = SETTINGS.spectrum.bin_width
+WHITE_FROM = SETTINGS.spectrum.white_from
 NEXT = SETTINGS.turning_noise.next
 QUICK = SETTINGS.turning_noise.quick
 FEWEST = SETTINGS.turning_noise.fewest
-ALIKE = SETTINGS.spectrum.alike
+MERGED_WAVES = SETTINGS.spectrum.merged_waves
 SMALL = SETTINGS.turning_noise.small
 TURNS = SETTINGS.turning_noise.turns
 POWERS = np.concatenate([[0.0], np.logspace(*SETTINGS.turning_noise.decades,
@@ -71,7 +71,7 @@ class RunWaves:
         used, n = seen.sum(axis=0), len(seen)
         whole = np.sqrt(n / np.maximum(used, 1))  # as if without gaps
         waves = to_waves(np.sum(np.nan_to_num(tables), axis=0)) * whole
-        level = np.sqrt(np.mean(waves[wave_frequencies(n) > HIGH] ** 2, axis=0))
+        level = np.sqrt(np.mean(waves[wave_frequencies(n) > WHITE_FROM] ** 2, axis=0))
         level = np.where((used > FEWEST) & (level > 0), level, np.nan)
         starts = [_placed(rows, *start) for rows, _ in parts for start in rows.starts]
         columns = np.concatenate([np.zeros((*seen.shape, 0)), *starts], axis=2)
@@ -107,7 +107,7 @@ class _Binned(NamedTuple):
         """Of waves (f,) and starts (f, k) at rising frequencies."""
         edges = [0]
         while edges[-1] < len(f):
-            edges.append(max(edges[-1] + 1, int(np.searchsorted(f, ALIKE * f[edges[-1]]))))
+            edges.append(max(edges[-1] + 1, int(np.searchsorted(f, MERGED_WAVES * f[edges[-1]]))))
         parts = [slice(*x) for x in itertools.pairwise(edges)]
         return cls(
             np.array([np.mean(f[x]) for x in parts]),
@@ -128,7 +128,7 @@ def _refined(spectrum: Spectrum, waves: Waves) -> Likeliest:
 
     Half a step of the grid off, low-pass noise would show a walk beside it.
     """
-    f, power, count = waves.binned(ALIKE, 1)
+    f, power, count = waves.binned(MERGED_WAVES, 1)
     names = [k for k in ("walk", "low_pass", "corner") if getattr(spectrum, k) > 0]
     names = [k for k in names if k != "corner" or spectrum.low_pass > 0]
 
@@ -168,7 +168,7 @@ class TurningNoise:
         self._binned: dict[tuple[int, int, bool], _Binned] = {}
         self._known: dict[tuple[int, int, int], _Part] = {}
         every = sum(r.waves.shape[0] * len(self.channels) for r in self.runs)
-        chance = SETTINGS.levels.flat / max(1, 2 * len(self.channels))
+        chance = SETTINGS.levels.colour_chance / max(1, 2 * len(self.channels))
         self._price = max(float(np.log(every)), float(chi2.isf(chance, 1)))
 
     def _quick(self, squares: Sequence[np.ndarray], channel: int) -> Spectrum:
@@ -190,12 +190,12 @@ class TurningNoise:
         best = {k: _refined(x.spectrum, waves) for k, x in likeliest(waves, 1.0).items()}
         gain = {k: best[k].gain - NUMBERS[k] * price for k in best}
         name = max(gain, key=lambda k: gain[k])
-        least = chi2.isf(SETTINGS.levels.flat, NUMBERS[name])
+        least = chi2.isf(SETTINGS.levels.colour_chance, NUMBERS[name])
         if name == "walk" or gain[name] < 0 or best[name].gain < least:
             return Spectrum(1.0)
         plain = best[name].spectrum
         beside = Waves(waves.frequency, waves.power / plain.plain(waves.frequency))
-        ratio = beside.binned(BROAD, SETTINGS.spectrum.fewest * len(self.runs))[:2]
+        ratio = beside.binned(BIN_WIDTH, SETTINGS.spectrum.bin_waves * len(self.runs))[:2]
         return dataclasses.replace(plain, walk=0.0, ratio=ratio)
 
     @functools.cached_property
@@ -335,7 +335,7 @@ class TurningNoise:
         own = self.runs[run]
         base, walk = self.bases[channel], self.walk(run, channel, walk)
         spectrum = dataclasses.replace(base, walk=walk, offset=offset)
-        error = (2 * np.sum(wave_frequencies(len(own.waves)) > HIGH)) ** -0.5
+        error = (2 * np.sum(wave_frequencies(len(own.waves)) > WHITE_FROM)) ** -0.5
         level, colour = float(self.levels[run][channel]), spectrum.colour
         return Level(level, float(error), level, colour, None if colour == "white" else spectrum,
                      int(own.used[channel]))  # fmt: skip

@@ -20,7 +20,7 @@ from ..runs import ELASTIC, SHAPE, Run
 
 PHASES = SETTINGS.start_angles.phases
 STEPS = SETTINGS.start_angles.steps
-ENOUGH = SETTINGS.gauss_newton.enough
+ENDED_FALL = SETTINGS.gauss_newton.ended_fall
 ROUNDS = SETTINGS.start_angles.rounds
 COARSE = SETTINGS.start_angles.coarse
 
@@ -52,7 +52,7 @@ def _refine(machine: Machine, rig: Rig, i: int, missing) -> None:
         fall = left @ left - after @ after
         if not fall > 0:
             _move(machine, i, missing, -change)
-        if not fall > ENOUGH:
+        if not fall > ENDED_FALL:
             return
         left = after
 

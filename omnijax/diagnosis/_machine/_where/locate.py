@@ -38,7 +38,7 @@ DIGITS = SETTINGS.locate.digits
 
 
 def locate(
-    model, point: Point, i: int, beside: Sequence[int], top: int = SETTINGS.search.shown
+    model, point: Point, i: int, beside: Sequence[int], top: int = SETTINGS.search.shown_most
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """`discovered` of the residual of a rig's model at `point` on run `i`.
 
