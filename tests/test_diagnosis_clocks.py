@@ -80,7 +80,7 @@ def test_a_clocks_tangent_is_the_rate_of_its_group_and_needs_no_run(model, monke
     rows, time = model.machine.rows[0], model.machine.runs[0].time
     rate = CubicSpline(time, elastic, axis=0).derivative()(time)
     rate[:, 3:] = 0.0
-    wanted = SETTINGS.prediction.clock * rows.project(rows.vector(rate, None))
+    wanted = SETTINGS.prediction.clock_error * rows.project(rows.vector(rate, None))
     assert np.linalg.norm(changed[0] - wanted) < 0.03 * np.linalg.norm(wanted)
 
 
@@ -189,7 +189,7 @@ def test_a_logger_may_be_started_anew_for_every_run(started_anew):
     (fit,) = refits_about(model, Point(np.zeros(len(model.priors))), 1)
     model.rebase(fit.point)
     assert fit.chi2 < 1.2 * model.dof("train")
-    sigma = SETTINGS.prediction.clock * np.sqrt(np.diag(fit.covariance))
+    sigma = SETTINGS.prediction.clock_error * np.sqrt(np.diag(fit.covariance))
     for g in ("dR", "Omega", "a"):
         k = names.index(f"clock.{g}")
         mean, beside = (model.priors[j].at(fit.point.u[j]) for j in (k, k + 1))
@@ -265,7 +265,7 @@ def test_a_run_that_did_not_measure_a_group_has_no_clock_of_it(started_anew):
     u[4] = 1.0
     read = some.machine.at_run(some.rig_at(Point(u)), 1)
     late = {g: offset_of(read, g) for g in ("dR", "Omega", "a")}
-    assert late == {"dR": 0.0, "Omega": 0.0, "a": SETTINGS.prediction.clock}
+    assert late == {"dR": 0.0, "Omega": 0.0, "a": SETTINGS.prediction.clock_error}
 
 
 def test_parts_of_one_run_have_one_clock(model):

@@ -9,7 +9,7 @@ from .._errors import InputError, tell
 from .._memory import SHARE, available, in_words
 from ..recording import Case, channels
 from ..vibration import natural_frequencies
-from ._machine import LINES, Context, candidates
+from ._machine import FLOOR_LINES, Context, candidates
 from ._settings import SETTINGS
 
 PERIOD = SETTINGS.room.period
@@ -50,7 +50,7 @@ def _less(case: Case, few: int) -> str:
 def memory_of(case: Case, laws: dict[str, Any]) -> float:
     """Bytes that the search's tables take: one row a candidate, one column a measured value."""
     groups = {group for run in case.runs for group in run.groups}
-    lines = tuple(float(k) for k in range(1, LINES + 1))
+    lines = tuple(float(k) for k in range(1, FLOOR_LINES + 1))
     longest = max(len(run.time) for run in case.runs)
     typical = np.full(case.rig.size, DEFLECTION)
     considered = candidates(Context(case.rig, tuple(groups), typical, lines, longest), laws)

@@ -385,57 +385,58 @@ class PredictionSettings:
     steps: int = 16  # steps a sample of laws at contacts and mounts, which have kinks
     coarse_steps: int = 8  # where laws are only ranked; second order: four times the error
     # share of a step's last change of a tension that the next one is taken to keep at most
-    steady: float = 0.5
+    kept_change: float = 0.5
     thin: int = 4  # force points in one of a tangent's: torques are smooth
     rates_apart: float = 1e-4  # of the largest rate: nearer ones are divided as if so far apart
     table_points: int = 16384  # a turn of the wheel's tables: 0.38 mrad, errors below 1e-8 m
     # fixed points
     normal_turns: int = 2  # of N and f from N at the last rebase; N changes f by some 1e-2
     rebase_turns: int = 4  # of smoothing about a prediction that hangs on the motion itself
-    settled: float = 0.3  # of the noise of a rolled length: a smaller change ends those turns
+    settled_noise: float = 0.3  # of the noise of a rolled length: a smaller change ends those turns
     angle_turns: int = 20  # at most of taking the sensors' laws off measured angles
     angle_change: float = 1e-5  # rad, a tenth of an encoder's noise: what ends them
     angle_away: float = 2.0  # times the least misfit, above which such a turn runs away: chosen
     angle_step: float = 3e-4  # rad (rad/s) to each side, for a reading's slope: encoders' 3 sigma
-    blind: float = 1e-3  # slope, below which a reading tells nothing of the value: chosen
+    least_slope: float = 1e-3  # slope, below which a reading tells nothing of the value: chosen
     begins: int = 6  # moments of a run that say where a folded angle may have begun: chosen
     begin_turns: int = 4  # Newton steps from each; readings are straight lines by pieces: chosen
-    opening: int = 20  # samples whose cubic tells the motion before a rolling start
+    opening_samples: int = 20  # samples whose cubic tells the motion before a rolling start
     # friction near a reversal
     pull: float = 5.0  # 1/s, at which Omega is held to the measured one (see `observer`)
     turning_error: float = 1e-5  # rad/s, a tenth of usual noise: a step that errs by more is halved
-    still: float = 1e-5  # of that, below which nothing swings
+    still_share: float = 1e-5  # of that, below which nothing swings
     shortest_turn: float = 1 / 64  # of a step, at which that ends: stiffness of 2e5 / s at 1 kHz
 
     row_blur: float = 5.0  # of an encoder's noise, within which an angle tells no row: chosen
 
     # clocks of loggers: started together they are off by parts of a millisecond (issue 17: 0.7 ms)
-    clock: float = 5e-4  # s, 1-sigma of an offset: chosen
+    clock_error: float = 5e-4  # s, 1-sigma of an offset: chosen
     clock_most: float = 9.5e-4  # s; what is read later is a delay: below a sample at 1 kHz
-    course: int = 3  # degree of the polynomial through an opening, that tells the motion before
+    # degree of the polynomial through an opening, that tells the motion before
+    opening_degree: int = 3
     angle_noise: float = 1e-4  # rad, by which rolled lengths are weighed where no angle is measured
-    wider: float = 1.2  # times the angles that Omega tells, over which tables reach
-    newton: int = 12  # steps to the static rest of laws: it is found to rounding
+    wider_angles: float = 1.2  # times the angles that Omega tells, over which tables reach
+    rest_steps: int = 12  # steps to the static rest of laws: it is found to rounding
     probes: int = 64  # angles, at which a shape that repeats each turn is told
 
 
 @dataclasses.dataclass(frozen=True)
 class ClocksSettings:
     degree: int = 5  # of the splines between samples
-    beyond: int = 16  # further samples to which a run is continued at its ends
+    beyond_samples: int = 16  # further samples to which a run is continued at its ends
     # of a run that is not fitted: Gauss-Newton steps, a difference's step and what is near
     # enough, both far below the microsecond to which runs tell an offset
     turns: int = 5
     step: float = 1e-7  # s
-    near: float = 1e-8  # s
+    settled: float = 1e-8  # s
 
 
 @dataclasses.dataclass(frozen=True)
 class ComparedSettings:
     """How much of a run is compared."""
 
-    told: float = 0.9  # share of a channel's samples, below which it is told: required
-    least: float = 0.03  # of every channel, below which nothing can be said: required
+    told_share: float = 0.9  # share of a channel's samples, below which it is told: required
+    least_share: float = 0.03  # of every channel, below which nothing can be said: required
 
 
 @dataclasses.dataclass(frozen=True)
@@ -443,18 +444,18 @@ class DataVectorSettings:
     """The data vector: whitened residual rows, and the directions that are left out of it."""
 
     settle: float = 0.3  # s after an unknown input in which the elastic channels are not used
-    shortest: int = 20  # samples of a window
+    shortest_window: int = 20  # samples of a window
 
 
 @dataclasses.dataclass(frozen=True)
 class EncodersSettings:
     """What the encoders' noise leaves in dR and a: a covariance of low rank."""
 
-    most: int = 100  # modes a wheel; a rougher smoother's are cut off
-    least: float = 0.05  # gain of the smoother below which a mode does not count
+    most_modes: int = 100  # modes a wheel; a rougher smoother's are cut off
+    least_gain: float = 0.05  # gain of the smoother below which a mode does not count
     parts: int = 4  # points a sample: a covariance needs no more
-    kept: float = 0.01  # change of a row's variance, below which it is left alone
-    spare: int = 16  # modes beyond those that count, from which these are told
+    least_variance: float = 0.01  # change of a row's variance, below which it is left alone
+    spare_modes: int = 16  # modes beyond those that count, from which these are told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -463,17 +464,17 @@ class LocateSettings:
 
     step: float = 1e-3  # prior sigmas of a difference
     # share of a change that is left beside constant numbers, below which it is theirs
-    alike: float = 1e-3
+    own_share: float = 1e-3
     # times what is left: a number whose own size changes a channel by less is not asked
-    small: float = 3.0
+    asked_size: float = 3.0
     digits: int = 3  # of a speed in rad/s, of which the sign is a direction
 
 
 @dataclasses.dataclass(frozen=True)
 class NoiseModelSettings:
-    start: float = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
+    start_angle: float = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
     # of the readings' spread: a change over which sensors' laws count as straight
-    small: float = 1e-4
+    straight_change: float = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -482,24 +483,25 @@ class RigOrdersSettings:
 
     # orders tried within one resolution of the travel: at most 4 % of a line lost between
     grid: int = 4
-    closer: int = 2  # steps apart are the best; times as many neighbours are looked at
+    finer: int = 2  # steps apart are the best; times as many neighbours are looked at
     peaks: int = 3
-    most: int = 6000  # orders of a wheel
-    lowest: float = 1.0  # windows take off what is slower
+    most_orders: int = 6000  # orders of a wheel
+    lowest_order: float = 1.0  # windows take off what is slower
     thinned: int = 8  # samples from one at which a line's size is computed to the next
-    best: int = 64  # orders whose gain is computed in full, of a law and wheel
+    weighed: int = 64  # orders whose gain is computed in full, of a law and wheel
     dense: int = 1216  # orders of a wheel that are weighed each
     sparse: int = 8  # of those above, one in so many
-    usual: float = 0.5  # quantile of the speed at which lines lie below half the sampling: time
-    nearly_any: float = 0.9  # the same of the highest lines
-    left: float = 1e-6  # of a line, what counts as left of it at least
-    roughly: float = 1e-3  # the same from `thinned` samples
-    nearly: float = 0.9  # share of the best one's gain from which they are refined
-    many: int = 16  # of them at most: time
-    slowest: float = 1e-6  # rad/s, of a wheel's speed at least: one that stands has no lines
-    steps: int = 4  # of a grid of orders at least
+    # quantile of the speed at which lines lie below half the sampling: time
+    usual_speed: float = 0.5
+    fast_speed: float = 0.9  # the same of the highest lines
+    least_left: float = 1e-6  # of a line, what counts as left of it at least
+    least_left_thinned: float = 1e-3  # the same from `thinned` samples
+    refined_gain: float = 0.9  # share of the best one's gain from which they are refined
+    most_refined: int = 16  # of them at most: time
+    slowest_wheel: float = 1e-6  # rad/s, of a wheel's speed at least: one that stands has no lines
+    fewest_orders: int = 4  # of a grid of orders at least
     # share of an acceleration along its main direction below which other directions are left out
-    alike: float = 1e-4
+    main_direction: float = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -507,43 +509,49 @@ class TurningNoiseSettings:
     """Noise of a colour in Omega and theta, told beside the free start of every window."""
 
     # Hz, above which a free start of a window of about 1 s takes up nothing of noise
-    quick: float = 1.0
-    fewest: int = 100  # waves that tell a level to 7 %
+    told_from: float = 1.0
+    fewest_waves: int = 100  # waves that tell a level to 7 %
     # decades of a walk's power at a run's slowest wave over white noise's, and of an offset's; so
     # many of them tried: a walk's size is then known to 20 %, as 25 waves above the noise tell it
     decades: tuple[float, float] = (-1.0, 7.0)
     powers: int = 24
-    turns: int = 2  # in which low-pass noise is told again beside the starts: it stays then
-    next: int = 2  # powers up and down to which one that was taken in may move at once
-    small: float = 1e-13  # of a start's weight, at which nothing but rounding tells it
+    # in which low-pass noise is told again beside the starts: it stays then
+    low_pass_turns: int = 2
+    moved_powers: int = 2  # powers up and down to which one that was taken in may move at once
+    start_weight: float = 1e-13  # of a start's weight, at which nothing but rounding tells it
 
 
 @dataclasses.dataclass(frozen=True)
 class RunsSettings:
     """Whether a run begins in motion."""
 
-    first: int = 10  # samples, over which an angle has to change by more than noise
-    rolling: float = 5.0  # sigma of the first speed, and times the noise of one sample: chosen
+    first_samples: int = 10  # samples, over which an angle has to change by more than noise
+    # sigma of the first speed, and times the noise of one sample: chosen
+    rolling_sigmas: float = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class OutliersSettings:
     """Isolated samples that fit neither their neighbours nor the model: left out, and said."""
 
-    wild: float = 8.0  # sigma above the samples on both sides
+    wild_sigmas: float = 8.0  # sigma above the samples on both sides
     # sigma above them, below which one that was left out fits after all: of 1e4 samples of white
     # noise 3.5 stand out so far from both of their neighbours
-    fits: float = 4.0
-    few: int = 5  # samples of all runs: fewer are not worth another look at all laws, for time
-    beyond: float = 4.0  # sigma below what is foretold, from which a reading was cut off
+    fits_sigmas: float = 4.0
+    # samples of all runs: fewer are not worth another look at all laws, for time
+    fewest_back: int = 5
+    cut_sigmas: float = 4.0  # sigma below what is foretold, from which a reading was cut off
     # share of a channel's samples above which they are no outliers but a misfit
-    most: float = 0.06
-    edge: int = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
-    kink: float = 1.0  # of the steepest slope: a larger change from sample to sample is an edge too
+    most_share: float = 0.06
+    # samples beside a gap's edge, where a mistimed prediction makes spikes too
+    edge_samples: int = 3
+    # of the steepest slope: a larger change from sample to sample is an edge too
+    kink_slope: float = 1.0
     # samples to each side whose usual change a spike has to exceed: a shock's ringing has decayed
-    beside: int = 20
-    usual: float = 0.954  # median of a difference of two samples of white noise, in sigma: derived
-    at_edges: float = 3.0  # times as many there as elsewhere, from which edges make them
+    neighbours: int = 20
+    # median of a difference of two samples of white noise, in sigma: derived
+    median_difference: float = 0.954
+    edge_ratio: float = 3.0  # times as many there as elsewhere, from which edges make them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -554,13 +562,15 @@ class RigModelSettings:
     # train runs of 10 s at 500 Hz
     budget: float = 400.0
     # cost of an evaluation without laws stepped in time, relative to one with them
-    linear: float = 0.3
-    exact: float = 0.4  # cost of an exact tangent over that of a difference
-    weak: float = 1e-4  # rad, of an encoder's law whose signature is a difference
-    lines: int = 12  # spectral lines of `a` that are tried as floor vibrations
-    lag: float = 0.25  # of a sample, the least time constant that is fitted
-    width: float = 1 / 3  # of the largest speed, the widest friction law: tanh is 0.995 there
-    tops: float = 0.99  # quantile of a channel's readings, at which its sensor's limit would be
+    linear_cost: float = 0.3
+    exact_cost: float = 0.4  # cost of an exact tangent over that of a difference
+    encoder_step: float = 1e-4  # rad, of an encoder's law whose signature is a difference
+    floor_lines: int = 12  # spectral lines of `a` that are tried as floor vibrations
+    least_lag: float = 0.25  # of a sample, the least time constant that is fitted
+    # of the largest speed, the widest friction law: tanh is 0.995 there
+    widest_friction: float = 1 / 3
+    # quantile of a channel's readings, at which its sensor's limit would be
+    limit_quantile: float = 0.99
 
 
 @dataclasses.dataclass(frozen=True)
@@ -569,17 +579,18 @@ class RolesSettings:
 
     block: float = 1.0  # s, of the only run that teach or confirm in turn
     # s, of such a block: some turns of the slowest ring of a machine of 10 Hz
-    shortest: float = 0.25
-    teach: int = 2  # blocks that teach for one that confirms
-    fewest: int = 6  # blocks below which nothing is confirmed
+    shortest_block: float = 0.25
+    teaching_blocks: int = 2  # blocks that teach for one that confirms
+    fewest_blocks: int = 6  # blocks below which nothing is confirmed
 
 
 @dataclasses.dataclass(frozen=True)
 class SmoothSettings:
     """Smoothing of measured rolled lengths: white jerk, its intensity by likelihood."""
 
-    least: float = 1e-13  # of the ratio: weight of missing samples, which keeps long gaps solvable
-    highest: float = 11.0  # decades of the ratio above one
+    # of the ratio: weight of missing samples, which keeps long gaps solvable
+    missing_weight: float = 1e-13
+    decades: float = 11.0  # decades of the ratio above one
     ratios: int = 23  # tried, two a decade
 
 
@@ -595,9 +606,9 @@ class StartAnglesSettings:
 
 @dataclasses.dataclass(frozen=True)
 class TangentsSettings:
-    small: float = 1e-6  # of a wheel's radius: shapes are smooth in it
+    radius_step: float = 1e-6  # of a wheel's radius: shapes are smooth in it
     # of a wave between moments, above which its torque is taken at all fine points
-    radian: float = 0.5
+    wave_angle: float = 0.5
 
 
 # Machines that are run freely: axes and a user's own

@@ -32,7 +32,7 @@ from .clocks import CLOCK as CLOCK
 from .clocks import READ_LATE as READ_LATE
 from .clocks import beside_mean as beside_mean
 from .machine import Machine as Machine
-from .rig_model import LINES as LINES
+from .rig_model import FLOOR_LINES as FLOOR_LINES
 from .rig_model import RigModel as RigModel
 from .runs import FINE as FINE
 from .runs import SHAPE as SHAPE

@@ -29,7 +29,7 @@ CLOCK = "clock"  # head of the unknowns' names
 READ_LATE = ("dR", "Omega", "a")  # against theta and the torques
 DEGREE = SETTINGS.clocks.degree
 B_SPLINE = BSpline.basis_element(np.arange(-3.0, 4.0), extrapolate=False)
-BEYOND = SETTINGS.clocks.beyond
+BEYOND_SAMPLES = SETTINGS.clocks.beyond_samples
 
 
 class LoggerClock(AbstractSensor):
@@ -59,7 +59,7 @@ def clock_priors(
     Where several fitted `runs` measured the group that is their mean; behind it stands by how far
     each is beside it, but the last one.
     """
-    sigma = SETTINGS.prediction.clock
+    sigma = SETTINGS.prediction.clock_error
     most = SETTINGS.prediction.clock_most / sigma
     open_ = [g for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated]
     names = [
@@ -128,7 +128,7 @@ def late_by(rows: np.ndarray, samples: float) -> np.ndarray:
     Behind the end they go on as their point reflection.  All samples lie equally far from a knot,
     so that a few weights of B-splines serve all.
     """
-    beyond = BEYOND + math.ceil(abs(samples))
+    beyond = BEYOND_SAMPLES + math.ceil(abs(samples))
     wide = np.pad(rows, ((0, 0), (beyond, beyond)), mode="reflect", reflect_type="odd")
     knots = spline_filter1d(wide, DEGREE, axis=1, mode="mirror")
     first = math.floor(-samples)

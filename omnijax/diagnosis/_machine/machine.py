@@ -183,7 +183,7 @@ class Machine:
             if two_rows(rig):
                 shares = tuple(self._shares(rig, i, r) for i, r in rotated.items())
                 basis = dataclasses.replace(basis, shares=shares)
-            if max(change) < SETTINGS.prediction.settled * self.length_noise.min():
+            if max(change) < SETTINGS.prediction.settled_noise * self.length_noise.min():
                 break
         self._begin(basis)
         if rig.at("rolling"):  # else no N enters, and what was rotated stays

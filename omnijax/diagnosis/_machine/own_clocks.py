@@ -13,11 +13,11 @@ from .._orthonormal import orthonormal
 from .._settings import SETTINGS
 from .clocks import LoggerClock
 
-SIGMA = SETTINGS.prediction.clock
+SIGMA = SETTINGS.prediction.clock_error
 MOST = SETTINGS.prediction.clock_most
 TURNS = SETTINGS.clocks.turns
 STEP = SETTINGS.clocks.step
-NEAR = SETTINGS.clocks.near
+SETTLED = SETTINGS.clocks.settled
 BOUND_TOLERANCE = SETTINGS.model.bound_tolerance
 
 
@@ -53,7 +53,7 @@ def fit_clocks(machine, rig: Rig, i: int) -> None:
         gram = tangents @ tangents.T + np.eye(len(groups)) / SIGMA**2
         change = np.linalg.solve(gram, tangents @ here + (late - before) / SIGMA**2)
         last, late = late, np.clip(late - change, -MOST, MOST)
-        if np.abs(late - last).max() < NEAR:
+        if np.abs(late - last).max() < SETTLED:
             break
     told = np.abs(late) < MOST * (1 - BOUND_TOLERANCE)
     machine.clocks[i] = {g: float(late[k]) for k, g in enumerate(groups) if told[k]}

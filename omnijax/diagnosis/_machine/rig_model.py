@@ -38,16 +38,16 @@ from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tree_hash import digest
 
 BUDGET = SETTINGS.rig_model.budget
-LINEAR = SETTINGS.rig_model.linear
-WEAK = SETTINGS.rig_model.weak
+LINEAR_COST = SETTINGS.rig_model.linear_cost
+ENCODER_STEP = SETTINGS.rig_model.encoder_step
 TOGETHER = 32  # signatures that are whitened together
 TOLD = 4 * TOGETHER  # after so many the progress line goes on
-LINES = SETTINGS.rig_model.lines
-EXACT = SETTINGS.rig_model.exact
+FLOOR_LINES = SETTINGS.rig_model.floor_lines
+EXACT_COST = SETTINGS.rig_model.exact_cost
 SHUFFLED_BLOCKS = SETTINGS.model.shuffled_blocks
-LAG = SETTINGS.rig_model.lag
-WIDTH = SETTINGS.rig_model.width
-TOPS = SETTINGS.rig_model.tops
+LEAST_LAG = SETTINGS.rig_model.least_lag
+WIDEST_FRICTION = SETTINGS.rig_model.widest_friction
+LIMIT_QUANTILE = SETTINGS.rig_model.limit_quantile
 
 
 class RigModel(AbstractModel):
@@ -128,7 +128,7 @@ class RigModel(AbstractModel):
     def _ends(self, point: Point, free: Free) -> dict[str, float]:
         """Ends of a number's range that the runs set."""
         if free.key == "tau":
-            return {"low": LAG * max(run.step for run in self.machine.runs)}
+            return {"low": LEAST_LAG * max(run.step for run in self.machine.runs)}
         port = self.laws[point.effects[free.effect].id].port
         if free.key != "width" or port not in self._widest:
             return {}
@@ -141,7 +141,7 @@ class RigModel(AbstractModel):
         The sphere rolls at the wheels' speed times the ratio of the radii.
         """
         motions = self.machine.motions(self.machine.rig).values()
-        shaft = max(float(np.abs(m.speed).max()) for m in motions) * WIDTH
+        shaft = max(float(np.abs(m.speed).max()) for m in motions) * WIDEST_FRICTION
         ratio = float(np.max(self.rig.wheels.radius)) / float(self.rig.sphere.radius)
         return {"shaft": shaft, "rolling": shaft * ratio}
 
@@ -155,7 +155,7 @@ class RigModel(AbstractModel):
         share = len(self.splits[split]) / len(self.splits["train"])
         unlike = {(p.u[self._clocks :].tobytes(), repr(p.effects)): p for p in points}
         self.work += share * sum(
-            1.0 if self.needs_stepping(p.effects) else LINEAR for p in unlike.values()
+            1.0 if self.needs_stepping(p.effects) else LINEAR_COST for p in unlike.values()
         )
         steps = COARSE if split == self.ranking else STEPS
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
@@ -177,7 +177,7 @@ class RigModel(AbstractModel):
         rows = self.machine.elastic_tangents(self.rig_at(point), [*numbers.values()], [*which])
         if rows is None:
             return {}
-        self.work += EXACT * LINEAR * len(rows) * len(which) / len(self.splits["train"])
+        self.work += EXACT_COST * LINEAR_COST * len(rows) * len(which) / len(self.splits["train"])
         slopes = [self.priors[k].slope(u[k]) for k in numbers]
         return {k: slope * row for k, slope, row in zip(numbers, slopes, rows, strict=True)}
 
@@ -439,7 +439,7 @@ class RigModel(AbstractModel):
             ] or [np.zeros((0, 0))])  # fmt: skip
             for name, column in zip(channels(group, self.rig.size), values.T, strict=False):
                 seen = np.abs(column[np.isfinite(column)])
-                out[name] = float(np.quantile(seen, TOPS)) if len(seen) else 0.0
+                out[name] = float(np.quantile(seen, LIMIT_QUANTILE)) if len(seen) else 0.0
         return out
 
     def _lines(self, point: Point) -> tuple[float, ...]:
@@ -464,7 +464,7 @@ class RigModel(AbstractModel):
         for k in best:  # side lobes of a line are not lines
             if all(abs(grid[k] - f) > 0.5 for f in kept):
                 kept.append(float(grid[k]))
-            if len(kept) == LINES:
+            if len(kept) == FLOOR_LINES:
                 break
         return tuple(kept)
 
@@ -503,7 +503,7 @@ class RigModel(AbstractModel):
         rig = self.rig_at(point)
         before = self._coarse([rig])
         # one by one: each has a motion of its own, which is large
-        return np.concatenate([self._differences(rig, before, [p], [WEAK]) for p in placed])
+        return np.concatenate([self._differences(rig, before, [p], [ENCODER_STEP]) for p in placed])
 
     def through_laws(self, point, candidates, steps):
         """Uses the coarse step of the ranking: the step error nearly cancels in the difference."""

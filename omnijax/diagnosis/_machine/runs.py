@@ -15,8 +15,8 @@ FINE = SETTINGS.prediction.force_points
 STEPS = SETTINGS.prediction.steps
 COARSE = SETTINGS.prediction.coarse_steps
 SHAPE = SETTINGS.prediction.shape_points
-FIRST = SETTINGS.runs.first
-ROLLING = SETTINGS.runs.rolling
+FIRST_SAMPLES = SETTINGS.runs.first_samples
+ROLLING_SIGMAS = SETTINGS.runs.rolling_sigmas
 ELASTIC = ("dR", "a")
 SPEEDS = {"Omega": 0, "theta": 1}  # groups that tell speeds, and as which derivative
 
@@ -94,15 +94,15 @@ class Run:
         """Whether the sphere turns already at the first sample.
 
         By Omega, or by the wheels' angles where it was not measured: by more than is uncertain, and
-        than the noise of one sample (angles: over `FIRST` of them).  The first sample of Omega has
-        to say so too, as friction and lags bend a start from rest.
+        than the noise of one sample (angles: over `FIRST_SAMPLES` of them).  The first sample of
+        Omega has to say so too, as friction and lags bend a start from rest.
         """
         for group, (speed, sigma) in self._speeds_at_start.items():
             if np.isfinite(speed).any():
                 order = SPEEDS[group]
-                least = noise[group] / (FIRST * self.step) ** order
-                moves = np.abs(speed) > ROLLING * np.maximum(sigma, least)
-                rests = order == 0 and np.abs(self.outputs[group][0]) <= ROLLING * least
+                least = noise[group] / (FIRST_SAMPLES * self.step) ** order
+                moves = np.abs(speed) > ROLLING_SIGMAS * np.maximum(sigma, least)
+                rests = order == 0 and np.abs(self.outputs[group][0]) <= ROLLING_SIGMAS * least
                 return bool(np.any(moves & ~np.asarray(rests)))
         return False
 

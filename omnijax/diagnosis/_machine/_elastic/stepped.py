@@ -23,7 +23,7 @@ from .late import late_outputs
 from .modes import OutputModes, direct, forced, observe, propagate
 
 BLOCK = 4096  # steps that one call of the compiled program takes
-STEADY = SETTINGS.prediction.steady
+KEPT_CHANGE = SETTINGS.prediction.kept_change
 LANES = 8  # runs stepped side by side at most, on any number of cores: 16 take 5 % less on one
 
 
@@ -156,7 +156,7 @@ def _static(laws: ElasticLaws, compliance, rows, signal):
         step = jnp.linalg.solve(jax.jacfwd(gap)(x), gap(x))
         return x - step, None
 
-    x, _ = jax.lax.scan(newton, flat, None, length=SETTINGS.prediction.newton)
+    x, _ = jax.lax.scan(newton, flat, None, length=SETTINGS.prediction.rest_steps)
     return unravel(x)
 
 
@@ -222,7 +222,7 @@ def _led_to(before, predicted, corrected):
     """
     change, last = corrected - predicted, predicted - before
     rate = change / jnp.where(last == 0, 1.0, last)
-    return predicted + change / (1 - jnp.minimum(jnp.where(last == 0, 0.0, rate), STEADY))
+    return predicted + change / (1 - jnp.minimum(jnp.where(last == 0, 0.0, rate), KEPT_CHANGE))
 
 
 @kept

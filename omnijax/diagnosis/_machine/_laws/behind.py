@@ -17,7 +17,7 @@ TURNS = SETTINGS.prediction.angle_turns
 CHANGE = SETTINGS.prediction.angle_change
 STEP = SETTINGS.prediction.angle_step
 AWAY = SETTINGS.prediction.angle_away
-BLIND = SETTINGS.prediction.blind
+LEAST_SLOPE = SETTINGS.prediction.least_slope
 BEGINS = SETTINGS.prediction.begins
 BEGIN_TURNS = SETTINGS.prediction.begin_turns
 
@@ -38,7 +38,7 @@ class LinearReading(NamedTuple):
     def tells(self) -> np.ndarray:
         """Where (t, c) the sensors show a change of the value, as much up as down: no corner."""
         size = np.abs(self.slope)
-        return (size > BLIND) & (np.abs(self.above - self.below) < size)
+        return (size > LEAST_SLOPE) & (np.abs(self.above - self.below) < size)
 
     def back(self, difference: np.ndarray) -> np.ndarray:
         """A small difference of readings as one of values; NaN where the sensors tell none."""
@@ -139,7 +139,7 @@ def begin_of(
         tried.append(begins)
         misfits.append([np.sum(x**2, axis=0) for x in apart])
         change = [
-            np.sum(one.slope * x, axis=0) / np.maximum(np.sum(one.slope**2, axis=0), BLIND)
+            np.sum(one.slope * x, axis=0) / np.maximum(np.sum(one.slope**2, axis=0), LEAST_SLOPE)
             for one, x in zip(readings, apart, strict=True)
         ]
         begins = begins + np.stack(change)

@@ -84,8 +84,8 @@ def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_
 
 
 LONGEST_DELAY = SETTINGS.candidates.longest_delay
-OPENING = SETTINGS.prediction.opening
-COURSE = SETTINGS.prediction.course
+OPENING_SAMPLES = SETTINGS.prediction.opening_samples
+OPENING_DEGREE = SETTINGS.prediction.opening_degree
 
 
 def moving_readings(
@@ -101,9 +101,9 @@ def moving_readings(
         return readings(rig, group, time, values, apply)
     past = np.zeros(0)
     if rolls:
-        opening, step = slice(0, OPENING), float(time[1] - time[0])
+        opening, step = slice(0, OPENING_SAMPLES), float(time[1] - time[0])
         past = step * np.arange(-math.ceil(LONGEST_DELAY / step), 0)
-        course = np.polynomial.polynomial.polyfit(time[opening], values[opening], COURSE)
+        course = np.polynomial.polynomial.polyfit(time[opening], values[opening], OPENING_DEGREE)
         before = np.polynomial.polynomial.polyval(past, course).T
         time, values = np.concatenate([time[0] + past, time]), np.concatenate([before, values])
     if remembers(rig, group):  # sees corners of other sensors' laws between the samples

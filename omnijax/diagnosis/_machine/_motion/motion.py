@@ -24,7 +24,7 @@ from .dual_rows import driven_axes
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables
 
-WIDER = SETTINGS.prediction.wider
+WIDER_ANGLES = SETTINGS.prediction.wider_angles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -254,7 +254,7 @@ def angles_of(rig: Rig, runs: list[Run]) -> tuple[float, float]:
             ends += [f(angle[:, ~missing]) for f in (np.nanmin, np.nanmax) if not missing.all()]
         if missing.any() and "Omega" in run.outputs:
             turning = np.nan_to_num(run.outputs["Omega"]) @ np.asarray(rig.wheels.spin_axis).T
-            angle = WIDER * (integrate(turning, run.step) * ratio)[:, missing]
+            angle = WIDER_ANGLES * (integrate(turning, run.step) * ratio)[:, missing]
             ends += [angle.min(), angle.max()]
     return float(min(ends)), float(max(ends))
 

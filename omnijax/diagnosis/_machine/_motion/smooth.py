@@ -5,8 +5,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from ..._settings import SETTINGS
 
-LEAST = SETTINGS.smooth.least
-HIGHEST = SETTINGS.smooth.highest
+MISSING_WEIGHT = SETTINGS.smooth.missing_weight
+DECADES = SETTINGS.smooth.decades
 RATIOS = SETTINGS.smooth.ratios
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
@@ -38,7 +38,7 @@ def _smoothed(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarra
     stiff = ratio * penalty(n)
     for columns in _alike(np.isfinite(values)):
         good = np.isfinite(values[:, columns[:1]])
-        weight = np.where(good, 1.0, LEAST * ratio)
+        weight = np.where(good, 1.0, MISSING_WEIGHT * ratio)
         y = np.where(good, values[:, columns], 0.0)
         matrix = stiff.copy()
         matrix[3] += weight[:, 0]
@@ -71,7 +71,7 @@ def _parabola(values: np.ndarray) -> np.ndarray:
 
 def likeliest(values: np.ndarray, sigma: float) -> float:
     """The most likely ratio of noise to jerk (a ladder, two a decade)."""
-    ladder, rest = np.logspace(0.0, HIGHEST, RATIOS), values - _parabola(values)
+    ladder, rest = np.logspace(0.0, DECADES, RATIOS), values - _parabola(values)
     scores = [_smoothed(rest, sigma, ratio)[1] for ratio in ladder]
     return float(ladder[int(np.argmin(scores))])
 

@@ -16,8 +16,8 @@ from ..runs import Run
 
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
-SHORTEST = SETTINGS.data_vector.shortest
-UNTOLD = SETTINGS.turning_noise.small
+SHORTEST_WINDOW = SETTINGS.data_vector.shortest_window
+UNTOLD = SETTINGS.turning_noise.start_weight
 LATE = max(SETTINGS.candidates.delays)
 
 
@@ -224,7 +224,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0
     rows = DataRows(n, elastic, rotation, [], filters=filters, turning=turning)
-    length = n if window <= 0 else max(SHORTEST, round(window / run.step))
+    length = n if window <= 0 else max(SHORTEST_WINDOW, round(window / run.step))
     starts = list(range(0, n, length))
     if len(starts) > 1 and n - starts[-1] < length // 2:
         starts.pop()

@@ -23,20 +23,20 @@ from .._elastic import OUTPUTS, OutputModes, hold_weights, real_rows
 from .._motion import penalty
 from ..runs import Run
 
-MOST = SETTINGS.encoders.most
-LEAST = SETTINGS.encoders.least
+MOST_MODES = SETTINGS.encoders.most_modes
+LEAST_GAIN = SETTINGS.encoders.least_gain
 CHUNK = 16  # modes pushed through the elastic model at once
 PARTS = SETTINGS.encoders.parts
-KEPT = SETTINGS.encoders.kept
-SPARE = SETTINGS.encoders.spare
+LEAST_VARIANCE = SETTINGS.encoders.least_variance
+SPARE_MODES = SETTINGS.encoders.spare_modes
 
 
 @functools.lru_cache(maxsize=16)
 def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
-    ratio = max(ratio, (1 / LEAST - 1) * (samples / (np.pi * MOST)) ** 6)
-    edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
-    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + SPARE)
+    ratio = max(ratio, (1 / LEAST_GAIN - 1) * (samples / (np.pi * MOST_MODES)) ** 6)
+    edge = (1 / LEAST_GAIN - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
+    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + SPARE_MODES)
     matrix = ratio * penalty(samples)
     matrix[3] += 1.0
     factor = (cholesky_banded(matrix), False)
@@ -45,7 +45,7 @@ def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
         basis = np.linalg.qr(cho_solve_banded(factor, basis))[0]
     small = basis.T @ cho_solve_banded(factor, basis)
     gains, vectors = np.linalg.eigh((small + small.T) / 2)
-    kept = gains > LEAST
+    kept = gains > LEAST_GAIN
     return basis @ vectors[:, kept], np.minimum(gains[kept], 1.0)
 
 
@@ -64,7 +64,7 @@ def smoothed_errors(samples: int, ratio: float, spectrum: Spectrum | None) -> np
 
 def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, np.ndarray]:
     """Modes and variances of the integral of white noise of 1-sigma `scatter` at the samples."""
-    count = min(samples, MOST // 2)
+    count = min(samples, MOST_MODES // 2)
     k = np.arange(count) + 0.5
     time = (np.arange(samples) + 0.5) / samples
     modes = np.sqrt(2 / samples) * np.sin(np.pi * np.outer(time, k))
@@ -136,6 +136,6 @@ def response_rows(modes: OutputModes, run: Run, slopes, errors, weights) -> np.n
 def whitener(across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(U, shrink) with (I + B B^T)^(-1/2) = I - U^T diag(shrink) U for `across` = B^T (k, rows)."""
     values, vectors = np.linalg.eigh(across @ across.T)
-    kept = values > KEPT
+    kept = values > LEAST_VARIANCE
     U = (vectors[:, kept] / np.sqrt(values[kept])).T @ across
     return U, 1 - 1 / np.sqrt(1 + values[kept])

@@ -15,8 +15,8 @@ from ..runs import SHAPE
 from .data_vector import DataRows, make_rows
 from .encoders import PARTS, response_rows, smoothed_errors, turned_errors, whitener
 
-START = SETTINGS.noise_model.start
-SMALL = SETTINGS.noise_model.small
+START_ANGLE = SETTINGS.noise_model.start_angle
+STRAIGHT_CHANGE = SETTINGS.noise_model.straight_change
 
 
 def rows_of(machine, rig: Rig, i: int) -> DataRows:
@@ -53,7 +53,7 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
         else:  # the angle is the integral of Omega, from a start that is fitted
             axis = np.asarray(rig.wheels.spin_axis)[k]
             turned = turned_errors(run, axis, machine.noise.get("Omega", 0.0))
-            start = np.full((run.samples, 1), START)
+            start = np.full((run.samples, 1), START_ANGLE)
             out.append(np.concatenate([turned * radius[k], start], axis=1))
     return out
 
@@ -104,7 +104,7 @@ def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
     here = readings_of(base)
 
     def changed(change: np.ndarray) -> np.ndarray:
-        small = SMALL / np.max(np.abs(change / np.std(base, axis=0).clip(1e-300)))
+        small = STRAIGHT_CHANGE / np.max(np.abs(change / np.std(base, axis=0).clip(1e-300)))
         return (readings_of(base + small * change) - here) / small
 
     return changed

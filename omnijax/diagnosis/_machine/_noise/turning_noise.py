@@ -39,12 +39,12 @@ from .data_vector import DataRows
 
 BIN_WIDTH = SETTINGS.spectrum.bin_width
 WHITE_FROM = SETTINGS.spectrum.white_from
-NEXT = SETTINGS.turning_noise.next
-QUICK = SETTINGS.turning_noise.quick
-FEWEST = SETTINGS.turning_noise.fewest
+MOVED_POWERS = SETTINGS.turning_noise.moved_powers
+TOLD_FROM = SETTINGS.turning_noise.told_from
+FEWEST_WAVES = SETTINGS.turning_noise.fewest_waves
 MERGED_WAVES = SETTINGS.spectrum.merged_waves
-SMALL = SETTINGS.turning_noise.small
-TURNS = SETTINGS.turning_noise.turns
+START_WEIGHT = SETTINGS.turning_noise.start_weight
+LOW_PASS_TURNS = SETTINGS.turning_noise.low_pass_turns
 POWERS = np.concatenate([[0.0], np.logspace(*SETTINGS.turning_noise.decades,
                                             SETTINGS.turning_noise.powers)])  # fmt: skip
 
@@ -72,7 +72,7 @@ class RunWaves:
         whole = np.sqrt(n / np.maximum(used, 1))  # as if without gaps
         waves = to_waves(np.sum(np.nan_to_num(tables), axis=0)) * whole
         level = np.sqrt(np.mean(waves[wave_frequencies(n) > WHITE_FROM] ** 2, axis=0))
-        level = np.where((used > FEWEST) & (level > 0), level, np.nan)
+        level = np.where((used > FEWEST_WAVES) & (level > 0), level, np.nan)
         starts = [_placed(rows, *start) for rows, _ in parts for start in rows.starts]
         columns = np.concatenate([np.zeros((*seen.shape, 0)), *starts], axis=2)
         return cls(step, waves / level, to_waves(columns) * (whole / level)[:, None], level, used)
@@ -179,12 +179,12 @@ class TurningNoise:
         f, power = [], []
         for run, square in zip(self.runs, squares, strict=True):
             own = wave_frequencies(len(run.waves))
-            some = own / run.step > QUICK
+            some = own / run.step > TOLD_FROM
             f.append(own[some])
             power.append(square[some, channel])
         frequency, powers = np.concatenate(f), np.concatenate(power)
         order = np.argsort(frequency, kind="stable")
-        if len(order) < FEWEST:
+        if len(order) < FEWEST_WAVES:
             return Spectrum(1.0)
         waves, price = Waves(frequency[order], powers[order]), np.log(len(order))
         best = {k: _refined(x.spectrum, waves) for k, x in likeliest(waves, 1.0).items()}
@@ -254,7 +254,7 @@ class TurningNoise:
             along = sum(x.along for x in now) + np.stack([x.along - y.along for x, y in pairs])
             gram = sum(x.gram for x in now) + np.stack([x.gram - y.gram for x, y in pairs])
             if along.shape[1]:
-                root = np.linalg.cholesky(gram + SMALL * np.eye(gram.shape[1]))
+                root = np.linalg.cholesky(gram + START_WEIGHT * np.eye(gram.shape[1]))
                 total += 2 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
                 told = np.linalg.solve(root, along[:, :, None])[:, :, 0]
                 total -= np.sum(told**2, axis=1)
@@ -267,7 +267,7 @@ class TurningNoise:
         The starts take up some of low-pass noise: it is told again by what is expected of it.
         """
         powers, cost = self._likeliest()
-        for _ in range(TURNS if any(x.low_pass for x in self.bases.values()) else 0):
+        for _ in range(LOW_PASS_TURNS if any(x.low_pass for x in self.bases.values()) else 0):
             squares = self._expected(powers)
             self.bases = {c: self._quick(squares, c) for c in self.channels}
             self._known.clear()
@@ -281,7 +281,7 @@ class TurningNoise:
             parts = [self._part(k, i, power) for i, power in enumerate(powers)]
             along = np.sum([x.along for x in parts], axis=0)
             gram = np.sum([x.gram for x in parts], axis=0)
-            inverse = np.linalg.inv(gram + SMALL * np.eye(len(gram)))
+            inverse = np.linalg.inv(gram + START_WEIGHT * np.eye(len(gram)))
             noise = run.waves - run.starts @ (inverse @ along)
             out.append(noise**2 + np.einsum("fck,kl,fcl->fc", run.starts, inverse, run.starts,
                                             optimize=True))  # fmt: skip
@@ -308,7 +308,7 @@ class TurningNoise:
         while True:
             steps = [
                 (i, k) for i, old in enumerate(now) for k in range(len(POWERS))
-                if k == old or not old or not k or abs(k - old) <= NEXT
+                if k == old or not old or not k or abs(k - old) <= MOVED_POWERS
             ]  # fmt: skip
             if not steps:
                 return now, 0.0
@@ -316,7 +316,7 @@ class TurningNoise:
             count = np.array([taken - (now[i] > 0) + (k > 0) for i, k in steps])
             costs = self._deviances(now, steps) + self._price * count
             best = int(np.argmin(costs))
-            if not costs[best] < cost - SMALL * abs(costs[best]):
+            if not costs[best] < cost - START_WEIGHT * abs(costs[best]):
                 return now, cost
             cost = float(costs[best])
             now[steps[best][0]] = steps[best][1]

@@ -9,8 +9,8 @@ from ....recording import channels
 from ..._settings import SETTINGS
 from ..machine import Machine
 
-TOLD = SETTINGS.compared.told
-LEAST = SETTINGS.compared.least
+TOLD_SHARE = SETTINGS.compared.told_share
+LEAST_SHARE = SETTINGS.compared.least_share
 GROUPS = ("dR", "a", "Omega", "theta")  # in the order of the rows' tables
 
 
@@ -42,7 +42,7 @@ def check_compared(machine: Machine, splits: dict[str, list[int]]) -> None:
     """`InputError` where next to nothing of the fitted or of the held-out runs can be compared."""
     for split, words in (("train", "fitted"), ("held-out", "held-out")):
         most = max(compared(machine, splits[split]).values(), default=0.0)
-        if most < LEAST:
+        if most < LEAST_SHARE:
             names = dict.fromkeys(machine.runs[i].name for i in splits[split])
             raise InputError(
                 f"{', '.join(names)}: of no channel of the {words} runs can more than "
@@ -60,7 +60,7 @@ def said_of_compared(machine: Machine) -> list[str]:
     for name, which in by_run.items():
         little: dict[str, list[str]] = {}
         for channel, share in compared(machine, which).items():
-            if share < TOLD:
+            if share < TOLD_SHARE:
                 said = f"{100 * share:.0f} % of the samples" if share else "nothing"
                 little.setdefault(said, []).append(channel)
         if little:

@@ -18,19 +18,19 @@ from ..._settings import SETTINGS
 from ..machine import Machine
 from ..runs import Run
 
-WILD = SETTINGS.outliers.wild
-MOST = SETTINGS.outliers.most
-BEYOND = SETTINGS.outliers.beyond
-EDGE = SETTINGS.outliers.edge
-KINK = SETTINGS.outliers.kink
-BESIDE = SETTINGS.outliers.beside
-USUAL = SETTINGS.outliers.usual
-AT_EDGES = SETTINGS.outliers.at_edges
-FITS = SETTINGS.outliers.fits
-FEW = SETTINGS.outliers.few
+WILD_SIGMAS = SETTINGS.outliers.wild_sigmas
+MOST_SHARE = SETTINGS.outliers.most_share
+CUT_SIGMAS = SETTINGS.outliers.cut_sigmas
+EDGE_SAMPLES = SETTINGS.outliers.edge_samples
+KINK_SLOPE = SETTINGS.outliers.kink_slope
+NEIGHBOURS = SETTINGS.outliers.neighbours
+MEDIAN_DIFFERENCE = SETTINGS.outliers.median_difference
+EDGE_RATIO = SETTINGS.outliers.edge_ratio
+FITS_SIGMAS = SETTINGS.outliers.fits_sigmas
+FEWEST_BACK = SETTINGS.outliers.fewest_back
 
 
-def spikes(values: np.ndarray, sigma: np.ndarray | float, wild: float = WILD) -> np.ndarray:
+def spikes(values: np.ndarray, sigma: np.ndarray | float, wild: float = WILD_SIGMAS) -> np.ndarray:
     """Mask (n, c) of one or two samples that stand out to one side of the samples around them.
 
     They stand out by more than `wild` times the noise `sigma` (c,), or one of all, and times the
@@ -49,8 +49,8 @@ def spikes(values: np.ndarray, sigma: np.ndarray | float, wild: float = WILD) ->
     around = np.stack([padded[k:][:n] for k in (0, 1, 3, 4)])
     height = np.minimum(height, np.abs(values - _median(around)))
     change = np.abs(np.diff(values, axis=0))
-    about = median_filter(np.nan_to_num(change), (2 * BESIDE + 1, 1), mode="nearest")
-    usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / USUAL
+    about = median_filter(np.nan_to_num(change), (2 * NEIGHBOURS + 1, 1), mode="nearest")
+    usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / MEDIAN_DIFFERENCE
     return np.nan_to_num(height) > wild * np.maximum(usual, sigma)
 
 
@@ -68,9 +68,10 @@ def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
     fine = (len(m.theta) - 1) // (run.samples - 1)
     slope = machine.tables_of(rig).rho_slope(m.theta[::fine])
     on_gap = np.abs(slope) > 1e-9
-    kinks = np.abs(np.diff(slope, axis=0, prepend=slope[:1])) > KINK * np.abs(slope).max(axis=0)
+    steepest = np.abs(slope).max(axis=0)
+    kinks = np.abs(np.diff(slope, axis=0, prepend=slope[:1])) > KINK_SLOPE * steepest
     changed = np.any(np.diff(on_gap, axis=0, prepend=on_gap[:1]) | kinks, axis=1)
-    return np.convolve(changed, np.ones(2 * EDGE + 1), "same") > 0
+    return np.convolve(changed, np.ones(2 * EDGE_SAMPLES + 1), "same") > 0
 
 
 def at_limits(
@@ -82,8 +83,8 @@ def at_limits(
     A saturated sensor cuts peaks off: several readings have the same largest size, none exceeds
     it, and the prediction (the reading less what is `left`) does.
     """
-    near = WILD * sigma
-    over = [np.sign(x) * r < -BEYOND * sigma for x, r in zip(readings, left, strict=True)]
+    near = WILD_SIGMAS * sigma
+    over = [np.sign(x) * r < -CUT_SIGMAS * sigma for x, r in zip(readings, left, strict=True)]
     sizes = [np.abs(x) for x in readings]
 
     def largest(some: Sequence[np.ndarray]) -> np.ndarray:
@@ -127,9 +128,9 @@ def _isolated(left: np.ndarray, sigma: float, edges: np.ndarray, group: str) -> 
     """Mask (n, c) of the spikes in what is `left` of a group that no mistimed edge makes."""
     mask = spikes(left, sigma)
     both = edges.any() and not edges.all()  # a profile without a gate has edges everywhere
-    if group in ("dR", "a") and both and mask[edges].mean() > AT_EDGES * mask[~edges].mean():
+    if group in ("dR", "a") and both and mask[edges].mean() > EDGE_RATIO * mask[~edges].mean():
         mask[edges] = False
-    mask[:, mask.mean(axis=0) > MOST] = False
+    mask[:, mask.mean(axis=0) > MOST_SHARE] = False
     return mask
 
 
@@ -155,12 +156,12 @@ def without_outliers(
 def readmitted(machine: Machine, rig: Rig) -> tuple[list[Run], list[str]]:
     """The runs with those samples back that stand out no longer, and a sentence for each run.
 
-    From their neighbours in what the rig leaves, by less than `FITS` sigma.  Of dR, a and Omega:
-    the angles are what the motion is told by, and no law makes a single one jump.  Fewer than `FEW`
-    in all stay out.
+    From their neighbours in what the rig leaves, by less than `FITS_SIGMAS` sigma.  Of dR, a and
+    Omega: the angles are what the motion is told by, and no law makes a single one jump.  Fewer
+    than `FEWEST_BACK` in all stay out.
     """
     fitting = [_fitting(machine, rig, i) for i in range(len(machine.runs))]
-    if sum(int(mask.sum()) for masks in fitting for mask in masks.values()) < FEW:
+    if sum(int(mask.sum()) for masks in fitting for mask in masks.values()) < FEWEST_BACK:
         return list(machine.runs), []
     runs = []
     back: dict[str, dict[str, set[float]]] = {}
@@ -196,7 +197,7 @@ def _fitting(machine: Machine, rig: Rig, i: int) -> dict[str, np.ndarray]:
         whole = {**run.outputs, group: np.where(kept, values, run.outputs[group])}
         elastic, rotation = machine.residual_tables(rig, i, whole)
         left = {"dR": elastic[:, :3], "a": elastic[:, 3:], "Omega": rotation[:, :3]}[group]
-        mask = kept & ~spikes(left, machine.noise[group] * run.level(group), FITS)
+        mask = kept & ~spikes(left, machine.noise[group] * run.level(group), FITS_SIGMAS)
         if mask.any():
             out[group] = mask
     return out
@@ -227,6 +228,6 @@ def _sentence(run: str, out: dict[str, set[float]]) -> str:
     at = ", ".join(f"{t:.3f}" for t in times[:5]) + (", ..." if len(times) > 5 else "")
     return (
         f"{run}: left out of {', '.join(out)}: {count} isolated "
-        f"sample{'s' if count > 1 else ''} more than {WILD:g} sigma from the neighbours (at {at} "
-        f"s): {'they are' if count > 1 else 'it is'} not used."
+        f"sample{'s' if count > 1 else ''} more than {WILD_SIGMAS:g} sigma from the neighbours "
+        f"(at {at} s): {'they are' if count > 1 else 'it is'} not used."
     )

@@ -17,9 +17,9 @@ from ..runs import Run
 from .start_angles import without_encoder
 
 BLOCK = SETTINGS.roles.block
-SHORTEST = SETTINGS.roles.shortest
-TEACH = SETTINGS.roles.teach
-FEWEST = SETTINGS.roles.fewest
+SHORTEST_BLOCK = SETTINGS.roles.shortest_block
+TEACHING_BLOCKS = SETTINGS.roles.teaching_blocks
+FEWEST_BLOCKS = SETTINGS.roles.fewest_blocks
 
 
 def that_tell_their_motion(
@@ -85,8 +85,8 @@ def with_roles(runs: list[Run], unusable: Sequence[str] = ()) -> tuple[list[Run]
     seconds, parts = _seconds(only), _parted(only)
     if not parts:
         said = (
-            f"{only.name}: the only run is shorter than {FEWEST * SHORTEST:g} s, so nothing is "
-            "kept out of the fit, and no run confirms what is named."
+            f"{only.name}: the only run is shorter than {FEWEST_BLOCKS * SHORTEST_BLOCK:g} s, so "
+            "nothing is kept out of the fit, and no run confirms what is named."
         )
         return runs, "nothing", [said]
     said = (
@@ -115,7 +115,7 @@ def by_parts(runs: list[Run]) -> tuple[list[Run], list[str]]:
 
 def _seconds(run: Run) -> float:
     """How long a block is: a second, of a short run a sixth of it."""
-    return min(BLOCK, run.samples * run.step / FEWEST)
+    return min(BLOCK, run.samples * run.step / FEWEST_BLOCKS)
 
 
 def _parted(run: Run) -> list[Run]:
@@ -124,10 +124,10 @@ def _parted(run: Run) -> list[Run]:
     Empty for a run that is too short.
     """
     seconds = _seconds(run)
-    if seconds < SHORTEST:
+    if seconds < SHORTEST_BLOCK:
         return []
     block = np.arange(run.samples) // max(1, round(seconds / run.step))
-    teaches = block % (TEACH + 1) < TEACH
+    teaches = block % (TEACHING_BLOCKS + 1) < TEACHING_BLOCKS
     parts = (("train", teaches), ("held-out", ~teaches))
     return [dataclasses.replace(run, role=r, counts=c) for r, c in parts]
 

@@ -25,7 +25,7 @@ from .rotation import MeasuredTurning, attitude_matters
 PULL = SETTINGS.prediction.pull
 ERROR = SETTINGS.prediction.turning_error
 SHORTEST = SETTINGS.prediction.shortest_turn
-STILL = SETTINGS.prediction.still
+STILL_SHARE = SETTINGS.prediction.still_share
 
 
 def needs_observer(rig: Rig) -> bool:
@@ -160,7 +160,7 @@ def _runge_kutta(rate, state, points, h):
     k4 = rate(ahead(k3, h), c)
     mean = jax.tree.map(lambda p, q, r, s: (p + 2 * q + 2 * r + s) / 6, k1, k2, k3, k4)
     error, first, second = (h * jnp.max(jnp.abs(x[0] - k2[0])) for x in (mean, k1, k3))
-    swings = second > jnp.maximum(first, ERROR * STILL)
+    swings = second > jnp.maximum(first, ERROR * STILL_SHARE)
     return ahead(mean, h), ~((error > ERROR) | swings)
 
 

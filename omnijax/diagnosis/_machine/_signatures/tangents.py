@@ -57,7 +57,7 @@ def _repeats(law, tables: WheelTables, gap) -> bool:
 
 
 ORDERS = ("order", "orders")  # parameters that count waves a turn
-SMALL = SETTINGS.tangents.small
+RADIUS_STEP = SETTINGS.tangents.radius_step
 PROBES = SETTINGS.prediction.probes
 
 
@@ -65,8 +65,8 @@ def _radius(base: Linearisation, placed: Placed):
     """Another wheel radius: longer levers and rolled lengths, deeper gaps."""
     rig, angle = base.rig, base.tables.angle
     change = np.asarray(over_wheels((placed,), rig.wheel_radius, rig.size))
-    longer = eqx.tree_at(lambda r: r.wheels.radius, rig, rig.wheels.radius + SMALL * change)
-    shape = (shape_table(longer, angle) - base.tables.shape) / SMALL
+    longer = eqx.tree_at(lambda r: r.wheels.radius, rig, rig.wheels.radius + RADIUS_STEP * change)
+    shape = (shape_table(longer, angle) - base.tables.shape) / RADIUS_STEP
     return reshaped(base, shape, shape + change)
 
 
@@ -149,13 +149,13 @@ def _separation(base: Linearisation, placed: Placed):
     return transfer(base, contact=out), None
 
 
-RADIAN = SETTINGS.tangents.radian
+WAVE_ANGLE = SETTINGS.tangents.wave_angle
 
 
 def _fast(base: Linearisation, law) -> bool:
     """Whether the law's waves over the angle are fast between the thinned moments."""
     highest = max(float(np.max(getattr(law, key, 0.0))) for key in ORDERS)
-    return bool(highest * np.abs(base.slow.speed).max() * base.slow.step > RADIAN)
+    return bool(highest * np.abs(base.slow.speed).max() * base.slow.step > WAVE_ANGLE)
 
 
 def _torques(base: Linearisation, placed: Sequence[Placed]) -> dict[int, tuple]:

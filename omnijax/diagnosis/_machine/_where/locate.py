@@ -31,8 +31,8 @@ from .left_motion import accelerating, turned_lengths
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
 STEP = SETTINGS.locate.step
-ALIKE = SETTINGS.locate.alike
-SMALL = SETTINGS.locate.small
+OWN_SHARE = SETTINGS.locate.own_share
+ASKED_SIZE = SETTINGS.locate.asked_size
 SHUFFLES = SETTINGS.where.shuffles
 DIGITS = SETTINGS.locate.digits
 
@@ -51,7 +51,7 @@ def locate(
     columns = dict(zip(labels, _table(machine, i, vector).T, strict=True))
     own = {label: changing({k: np.stack([x[:, c] for x in tables], axis=1)
                             for k, tables in changes.items()},
-                           SMALL * float(np.linalg.norm(columns[label])))
+                           ASKED_SIZE * float(np.linalg.norm(columns[label])))
            for c, label in enumerate(labels)}  # fmt: skip
     step = machine.runs[i].step
     for c in "xyz":
@@ -168,7 +168,7 @@ def changing(tangents: dict[str, np.ndarray], least: float = 0.0) -> list[WhereQ
     for name, columns in tangents.items():
         ramp = np.linspace(-1, 1, len(columns))[:, None] * columns
         left = ramp - kept @ (kept.T @ ramp)
-        own = orthonormal(left, max(least, ALIKE * _longest(ramp)))
+        own = orthonormal(left, max(least, OWN_SHARE * _longest(ramp)))
         if own.shape[1]:
             out.append(state(f"change {name}", own))
     return out

@@ -30,24 +30,24 @@ from .._signatures import THIN, Linearisation
 from ..runs import FINE
 
 GRID = SETTINGS.rig_orders.grid
-CLOSER = SETTINGS.rig_orders.closer
+FINER = SETTINGS.rig_orders.finer
 PEAKS = SETTINGS.rig_orders.peaks
-MOST = SETTINGS.rig_orders.most
+MOST_ORDERS = SETTINGS.rig_orders.most_orders
 DENSE = SETTINGS.rig_orders.dense
 SPARSE = SETTINGS.rig_orders.sparse
-LOWEST = SETTINGS.rig_orders.lowest
-USUAL = SETTINGS.rig_orders.usual
-NEARLY_ANY = SETTINGS.rig_orders.nearly_any
+LOWEST_ORDER = SETTINGS.rig_orders.lowest_order
+USUAL_SPEED = SETTINGS.rig_orders.usual_speed
+FAST_SPEED = SETTINGS.rig_orders.fast_speed
 TOGETHER = 64  # orders computed at a time
 THINNED = SETTINGS.rig_orders.thinned
-LEFT = SETTINGS.rig_orders.left
-ROUGHLY = SETTINGS.rig_orders.roughly
-BEST = SETTINGS.rig_orders.best
-NEARLY = SETTINGS.rig_orders.nearly
-MANY = SETTINGS.rig_orders.many
-SLOWEST = SETTINGS.rig_orders.slowest
-STEPS = SETTINGS.rig_orders.steps
-ALIKE = SETTINGS.rig_orders.alike
+LEAST_LEFT = SETTINGS.rig_orders.least_left
+LEAST_LEFT_THINNED = SETTINGS.rig_orders.least_left_thinned
+WEIGHED = SETTINGS.rig_orders.weighed
+REFINED_GAIN = SETTINGS.rig_orders.refined_gain
+MOST_REFINED = SETTINGS.rig_orders.most_refined
+SLOWEST_WHEEL = SETTINGS.rig_orders.slowest_wheel
+FEWEST_ORDERS = SETTINGS.rig_orders.fewest_orders
+MAIN_DIRECTION = SETTINGS.rig_orders.main_direction
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -76,13 +76,13 @@ def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float]
     step, out = grid[1] - grid[0], {}
     seen = _shaft_runs(bases, rests, rows, taken, k)
     for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
-        some = np.array(_promising(grid, first, CLOSER * step))
+        some = np.array(_promising(grid, first, FINER * step))
         gains_of = functools.partial(_gains, seen, law)
         gains = gains_of(some)
         order = np.argsort(gains)[::-1]
-        nearly = np.count_nonzero(gains > NEARLY * gains.max())
-        picked = order[: min(max(PEAKS, nearly), MANY)]
-        fine = _refined(some[picked], gains[picked], step / CLOSER, gains_of)
+        nearly = np.count_nonzero(gains > REFINED_GAIN * gains.max())
+        picked = order[: min(max(PEAKS, nearly), MOST_REFINED)]
+        fine = _refined(some[picked], gains[picked], step / FINER, gains_of)
         out[law] = _peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)
     return out
 
@@ -96,11 +96,11 @@ def _refined(
     within two steps; where a neighbour is higher, between that one's own neighbours, since a
     parabola that goes on beyond its points may miss by more than it gains.
     """
-    near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST)
+    near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST_ORDER)
     left, right = gains_of(near.ravel()).reshape(near.shape).T
     up, down = right > np.maximum(gains, left), left > np.maximum(gains, right)
-    beyond = gains_of(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST))
-    middle = np.maximum(orders + (up.astype(float) - down) * step, LOWEST)
+    beyond = gains_of(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST_ORDER))
+    middle = np.maximum(orders + (up.astype(float) - down) * step, LOWEST_ORDER)
     left, gains, right = (
         np.where(up, gains, np.where(down, beyond, left)),
         np.where(up, right, np.where(down, left, gains)),
@@ -110,7 +110,7 @@ def _refined(
     hollow = bent >= 0
     way = np.where(hollow, np.sign(rise), -rise / np.where(hollow, 1.0, bent))
     way = np.clip(way, -1, 1)
-    return np.maximum(middle + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
+    return np.maximum(middle + way * step, LOWEST_ORDER), gains + way * rise + way**2 * bent / 2
 
 
 def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.ndarray]:
@@ -153,7 +153,7 @@ def _thinly_left(
         size, part = _sizes(base, r, few, k, grid, together)
         gram, inside = gram + size, inside + part
     inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, -1, -2)), -1, -2)
-    return [_left(*x, ROUGHLY) for x in zip(gram, inside, strict=True)]
+    return [_left(*x, LEAST_LEFT_THINNED) for x in zip(gram, inside, strict=True)]
 
 
 def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
@@ -275,7 +275,7 @@ def _gains(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray) -> np.ndarra
     return _explained(_left(gram, inside), right)
 
 
-def _left(gram, inside, least: float = LEFT) -> np.ndarray:
+def _left(gram, inside, least: float = LEAST_LEFT) -> np.ndarray:
     """What is left of gram (orders, 2, 2) beside `inside` (orders, 2, k); `least` of it always."""
     size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
     left = (1 + least) * gram - inside @ np.swapaxes(inside, 1, 2)
@@ -319,7 +319,7 @@ def _strengths(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
     About fixed axes one direction holds all but some 1e-6 of them.
     """
     left, sizes, ways = np.linalg.svd(_rates(base, k), full_matrices=False)
-    m = np.count_nonzero(sizes > ALIKE * sizes[0])
+    m = np.count_nonzero(sizes > MAIN_DIRECTION * sizes[0])
     return left[:, :m] * sizes[:m], ways[:m]
 
 
@@ -426,18 +426,22 @@ def _windows(rows: DataRows) -> list[tuple[slice, np.ndarray]]:
 
 
 def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
-    """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed.
+    """Orders of wheel `k`: `LOWEST_ORDER` to half a turn of the wave a sample at a usual speed.
 
     Of the sparsely weighed ones, at nearly any speed: they are alike only where samples tell them.
     """
     theta = [b.motion.theta[:, k] for b in bases]  # a wave has one phase in all runs
     travel = float(max(map(np.max, theta)) - min(map(np.min, theta)))
     speed = np.abs(np.concatenate([b.motion.speed[:, k] for b in bases]))
-    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), SLOWEST)
+    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL_SPEED, FAST_SPEED)), SLOWEST_WHEEL)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
     half = np.pi / min(b.run.step for b in bases)  # what the fastest sampled run tells
-    top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
-    return np.arange(LOWEST, max(top, LOWEST + STEPS * step), step)
+    top = min(
+        half / usual,
+        max(LOWEST_ORDER + DENSE * step, half / nearly_any),
+        LOWEST_ORDER + MOST_ORDERS * step,
+    )
+    return np.arange(LOWEST_ORDER, max(top, LOWEST_ORDER + FEWEST_ORDERS * step), step)
 
 
 def _dense(grid: np.ndarray) -> int:
@@ -446,16 +450,16 @@ def _dense(grid: np.ndarray) -> int:
 
 
 def _promising(grid: np.ndarray, gains: np.ndarray, apart: float) -> list[float]:
-    """`BEST` orders by estimated gains: half of them of those that are weighed sparsely, if any.
+    """`WEIGHED` orders by estimated gains: half of them of those that are weighed sparsely, if any.
 
     Estimates of these are less sure: samples `THINNED` apart may take a high line for a slow one,
     of next to no size, and all of them would stand above the right line of a low order.
     """
     dense = _dense(grid)
     if dense == len(grid):
-        return _peaks(grid, gains, BEST, apart)
+        return _peaks(grid, gains, WEIGHED, apart)
     parts = slice(None, dense), slice(dense, None)
-    return [x for part in parts for x in _peaks(grid[part], gains[part], BEST // 2, apart)]
+    return [x for part in parts for x in _peaks(grid[part], gains[part], WEIGHED // 2, apart)]
 
 
 def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:
