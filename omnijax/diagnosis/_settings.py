@@ -626,43 +626,43 @@ class FreeBuildSettings:
 
     # Hz a sample a second, tried from the widest
     cutoffs: tuple[float, ...] = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)
-    rows: int = 6000  # of a run's free run that are compared; more say nothing new
-    leads: int = 4  # a window is at least so many times its lead
+    most_rows: int = 6000  # of a run's free run that are compared; more say nothing new
+    window_leads: int = 4  # a window is at least so many times its lead
     # of the time that an axis is pushed away from rest, above which free runs say nothing
-    away: float = 0.05
-    lead: int = 64  # samples, from which a window is at least so many of its leads
+    pushed_away: float = 0.05
+    least_window: int = 64  # samples, from which a window is at least so many of its leads
     windows: int = 16  # of the longest run, at most
-    together: int = 4  # leads and windows in a run that is one window: time
+    whole_leads: int = 4  # leads and windows in a run that is one window: time
     # turns that an axis makes, from which its encoder's wave is no slope and no bend of a sensor
-    turned: float = 0.5
+    turned_share: float = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeCandidatesSettings:
-    shares: tuple[float, ...] = (0.02, 0.07, 0.2, 0.6)
+    scale_shares: tuple[float, ...] = (0.02, 0.07, 0.2, 0.6)
     # of the time that the command is below a limit of the drive
-    clipped: tuple[float, ...] = (0.97, 0.9, 0.75, 0.5)
+    below_limit: tuple[float, ...] = (0.97, 0.9, 0.75, 0.5)
     # s, delays and lags of drives beside those of few samples
-    slow: tuple[float, ...] = (4e-3, 0.016, 0.064)
+    slow_times: tuple[float, ...] = (4e-3, 0.016, 0.064)
     # of it, for a limit that shows: what is seen at a few peaks may be their dynamics
-    rarely: float = 0.98
+    limit_seen: float = 0.98
     lags: tuple[float, ...] = (0.5, 2.0, 8.0)  # samples, of lags
     delays: tuple[float, ...] = (0.25, 1.0, 4.0)  # samples, of delays
-    others: tuple[float, ...] = (0.1, 1.0, 10.0)  # of a constant without range
-    way: float = 0.05  # of a tried time, and its part, between which a tangent may move it
+    any_values: tuple[float, ...] = (0.1, 1.0, 10.0)  # of a constant without range
+    moved_time: float = 0.05  # of a tried time, and its part, between which a tangent may move it
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeColourSettings:
     """What a sensor's white noise makes of a balance: rows of a blue colour, weighed by it."""
 
-    local: float = 1e-9  # of the autocovariance, below which rows share no noise
+    least_covariance: float = 1e-9  # of the autocovariance, below which rows share no noise
     rounds: int = 3  # of a refit weighed by a colour and the colour of what it leaves
     span: int = 3  # lengths of the thinning filter on either side that an impulse is followed
     relative: float = 1e-4  # of the cost, below whose fall a refit ends
-    long: int = 200  # rows on either side, that an impulse is followed at least
+    fewest_rows: int = 200  # rows on either side, that an impulse is followed at least
     decades: tuple[float, float] = (-7.0, 2.0)  # of the rows' variance that is no sensor noise
-    shares: int = 19  # of it tried, two a decade
+    powers: int = 19  # of it tried, two a decade
 
 
 @dataclasses.dataclass(frozen=True)
@@ -670,11 +670,11 @@ class FreeEvidenceSettings:
     """A machine of a few states as evidence: groups, places, free runs, the learned term."""
 
     # times the noise: a run that moves less has no share of its motion to speak of
-    rests: float = 5.0
+    rest_ratio: float = 5.0
     # of the gap by a named set: real machines are never as good as their sensors
     closing: float = 0.3
     # of a size on held-out runs: friction of one log is not that of the next one, as grease warms
-    alike: float = 0.5
+    size_tolerance: float = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -682,7 +682,7 @@ class FreeExperimentSettings:
     """The next run of a machine: the input among a few under which rivals differ most."""
 
     seconds: float = 10.0
-    slow: float = 0.2  # Hz, of a sine
+    sine_rate: float = 0.2  # Hz, of a sine
     chirp: tuple[float, float] = (0.1, 2.0)  # Hz, between which a sine gets faster
     written: float = 0.02  # s, between the values that are written down
 
@@ -691,17 +691,17 @@ class FreeExperimentSettings:
 class FreeFloorSettings:
     """What no law of the library explains: the noise against which an effect must stand."""
 
-    steps: int = 2  # laws, one after the other
-    tried: int = 2  # refits a step
-    worth: float = 0.95  # of the misfit that is left at most, for a further law
-    noise: float = 1.3  # chi2 a row from which a law is looked for
+    laws: int = 2  # laws, one after the other
+    refitted: int = 2  # refits a step
+    left_cost: float = 0.95  # of the misfit that is left at most, for a further law
+    noise_misfit: float = 1.3  # chi2 a row from which a law is looked for
     turns: int = 6  # of starts and refits, one after the other, at most
-    gained: float = 0.7  # of the misfit that is left at most, for a further turn
-    alike: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
+    turn_cost: float = 0.7  # of the misfit that is left at most, for a further turn
+    least_direction: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
     rounds: int = 10  # steps of a refit between two preparations of the data: time
     relative: float = 1e-3  # of the cost, below whose fall it ends: time
-    correlated: float = 0.05  # autocorrelation below which rows are independent
-    lags: float = 0.25  # of the longest run, up to which it is looked at
+    least_correlation: float = 0.05  # autocorrelation below which rows are independent
+    longest_lag: float = 0.25  # of the longest run, up to which it is looked at
 
 
 @dataclasses.dataclass(frozen=True)
@@ -709,7 +709,7 @@ class FreeKnownSettings:
     """What a balance knows of states that nobody measures: behind a sensor or a drive, in it."""
 
     # steps a sample of a second inertia: stable up to its mode at 1.7 times the rate
-    fine: int = 4
+    steps: int = 4
     rounds: int = 3  # of finding what a sensor was shown: errors of 1 % are left at 1e-6 then
 
 
@@ -723,27 +723,28 @@ class FreeLearnedSettings:
 class FreeModelSettings:
     """A machine of a few states with its runs as a model of the diagnosis."""
 
-    steep: int = 48  # steps between two samples above which a law is too steep to be followed
-    bound: float = 0.5  # a gain that is off by more is no torque constant any more
-    ranking: int = 4  # train runs, far apart in their order, that rank laws at finite strength
-    simpler: float = 0.01  # share of its gain that each number of a law must be worth
-    restarts: int = 6  # steps of Gauss and Newton of the windows' starts at a point
-    parts: tuple[float, ...] = (1.0, 0.3)  # of such a step, that are tried
-    enough: float = 0.01  # of the squares, that a further one must gain
+    most_steps: int = 48  # steps between two samples above which a law is too steep to be followed
+    gain_bound: float = 0.5  # a gain that is off by more is no torque constant any more
+    ranking_runs: int = 4  # train runs, far apart in their order, that rank laws at finite strength
+    number_price: float = 0.01  # share of its gain that each number of a law must be worth
+    start_steps: int = 6  # steps of Gauss and Newton of the windows' starts at a point
+    start_parts: tuple[float, ...] = (1.0, 0.3)  # of such a step, that are tried
+    start_gain: float = 0.01  # of the squares, that a further one must gain
     step: float = 1e-3  # prior sigmas, of a difference
-    room: int = 3  # of one law with an order at one place
-    order: float = 0.03  # of itself, that a refit may move one: or half of what the travel tells
+    lines: int = 3  # of one law with an order at one place
+    # of itself, that a refit may move one: or half of what the travel tells
+    order_range: float = 0.03
     budget: float = 4000.0  # evaluations of a search, anew as those of a rig's: time
     # of the search, in place of those of `SearchSettings`
-    lead: float = 0.1
-    share: float = 2.0
-    slack: float = 0.0
+    runner_up_lead: float = 0.1
+    size_factor: float = 2.0
+    size_noise: float = 0.0
     instants: int = 24  # at which a point's slopes are taken: time
-    passed: int = 8  # runs of which they are taken: time
-    slow: float = 0.005  # of the runs' speed, the least of a friction law
-    fast: float = 2.0  # the same, the largest
-    limit: float = 2.0  # times a limit of a sensor, and its part, within which it is fitted
-    time: float = 30.0  # times a delay or lag, the same
+    sloped_runs: int = 8  # runs of which they are taken: time
+    slowest_friction: float = 0.005  # of the runs' speed, the least of a friction law
+    fastest_friction: float = 2.0  # the same, the largest
+    limit_range: float = 2.0  # times a limit of a sensor, and its part, within which it is fitted
+    time_range: float = 30.0  # times a delay or lag, the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -751,23 +752,24 @@ class FreeOrdersSettings:
     """Orders that stand out in what is left: a fine scan over the measured position."""
 
     fine: int = 4  # orders tried within one resolution of the travel
-    closer: int = 8  # times as many beside a peak
+    finer: int = 8  # times as many beside a peak
     periods: int = 2  # of a line over the travel: what does not repeat is none
     peaks: int = 8
     # of them, whatever line they belong to: which neighbour is right shows in a refit
     highest: int = 3
-    looked: int = 256  # peaks among which further lines are looked for beside the strongest
-    most: int = 6000
-    slow: float = 0.05  # share of the rows that a line must pass slowly enough to be seen in them
+    most_peaks: int = 256  # peaks among which further lines are looked for beside the strongest
+    most_orders: int = 6000
+    # share of the rows that a line must pass slowly enough to be seen in them
+    slow_rows: float = 0.05
     seen: float = 0.8  # of half the rows' sampling rate: what their low pass lets through
-    alike: float = 1e-6  # of the strongest line, a shorter one beside it is none
+    least_line: float = 1e-6  # of the strongest line, a shorter one beside it is none
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeReopenedSettings:
     """Windows whose free start is caught, begun anew from what was measured."""
 
-    caught: float = 10.0  # times the median window's mean square, that a caught one misses
+    caught_ratio: float = 10.0  # times the median window's mean square, that a caught one misses
     openings: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)  # of a window, one after the other
 
 
@@ -775,13 +777,13 @@ class FreeReopenedSettings:
 class FreeRowsSettings:
     """Measured less predicted, one run: over a free run, or in the balance of accelerations."""
 
-    seen: float = 1e-6  # of the best seen part of a start, what must be seen of another one
-    wide: int = 10  # taps of the thinning filter to each side, in thinned samples
-    order: int = 4  # of the low pass of measured signals, each way
-    nyquist: float = 0.99  # of half the sampling rate, its cutoff at most
-    passed: float = 0.8  # of half the rows' rate, the cutoff of the thinning filter
-    impulse: int = 2001  # samples at least, over which a low pass dies away
-    edges: int = 8  # edges of the thinning filter, the same
+    least_start: float = 1e-6  # of the best seen part of a start, what must be seen of another one
+    filter_taps: int = 10  # taps of the thinning filter to each side, in thinned samples
+    filter_order: int = 4  # of the low pass of measured signals, each way
+    highest_cutoff: float = 0.99  # of half the sampling rate, its cutoff at most
+    passed_band: float = 0.8  # of half the rows' rate, the cutoff of the thinning filter
+    impulse_samples: int = 2001  # samples at least, over which a low pass dies away
+    impulse_edges: int = 8  # edges of the thinning filter, the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -790,24 +792,24 @@ class FreeSensorNoiseSettings:
 
     orders: tuple[int, ...] = (3, 5, 7)  # differences that leave of a position its noise
     noise_free: float = 1e-6  # of what is measured, as noise where there is none
-    error: float = 0.05  # relative 1-sigma of the noise's level
+    level_error: float = 0.05  # relative 1-sigma of the noise's level
     # the highest of the orders' levels over the least, above which there is motion in them: 1.02
     # in white noise of a few thousand samples
-    white: float = 1.1
+    white_ratio: float = 1.1
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeTogetherSettings:
     """Several lines of one place at once, as the balance of accelerations has them."""
 
-    relaxed: int = 3  # times that each line is looked for anew beside the others, at most
-    moved: float = 0.99  # of the squares that are left at most, where it is found elsewhere
+    relaxed_turns: int = 3  # times that each line is looked for anew beside the others, at most
+    moved_cost: float = 0.99  # of the squares that are left at most, where it is found elsewhere
     rounds: int = 8  # steps of a refit with or without a line: time
 
 
 @dataclasses.dataclass(frozen=True)
 class FreeUndecidedSettings:
-    least: float = 0.1  # 1-sigma over the noise, from which a direction counts
+    least_sigma: float = 0.1  # 1-sigma over the noise, from which a direction counts
 
 
 # The answer

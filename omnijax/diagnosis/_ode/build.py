@@ -31,13 +31,13 @@ from .rows import Balance, FreeRun, OdeRun, smoothed
 from .sensor_noise import sensor_noise
 
 CUTOFFS = SETTINGS.free_build.cutoffs
-ROWS = SETTINGS.free_build.rows
-LEADS = SETTINGS.free_build.leads
-AWAY = SETTINGS.free_build.away
-LEAD = SETTINGS.free_build.lead
+MOST_ROWS = SETTINGS.free_build.most_rows
+WINDOW_LEADS = SETTINGS.free_build.window_leads
+PUSHED_AWAY = SETTINGS.free_build.pushed_away
+LEAST_WINDOW = SETTINGS.free_build.least_window
 WINDOWS = SETTINGS.free_build.windows
-TOGETHER = SETTINGS.free_build.together
-TURNED = SETTINGS.free_build.turned
+WHOLE_LEADS = SETTINGS.free_build.whole_leads
+TURNED_SHARE = SETTINGS.free_build.turned_share
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 SUMS = frozenset({"gravity", "gravity_angle", "offset", "rate_gain", "stiffness"})
 # of an axis that may have none, or one of either sign: they are known to a sum, not to a factor
@@ -157,7 +157,7 @@ def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
     pulls = float(axis.stiffness) + float(axis.gravity) * np.cos(
         np.concatenate([r.outputs["position"] for r in runs]) + float(axis.gravity_angle)
     )
-    return bool(np.mean(pulls < 0) > AWAY)
+    return bool(np.mean(pulls < 0) > PUSHED_AWAY)
 
 
 def turns_round(machine, runs: Sequence[OdeRun]) -> bool:
@@ -165,7 +165,7 @@ def turns_round(machine, runs: Sequence[OdeRun]) -> bool:
     if getattr(machine, "motion", "rotation") != "rotation":
         return False
     shown = [r.shown for r in runs if r.role == "train"]
-    return bool(np.ptp(np.concatenate(shown)) >= TURNED * 2 * np.pi)
+    return bool(np.ptp(np.concatenate(shown)) >= TURNED_SHARE * 2 * np.pi)
 
 
 def _places(
@@ -203,10 +203,10 @@ def _free(numbers: Numbers, run: OdeRun, memory: float, longest: int) -> FreeRun
     """Free runs in windows, of one length for runs of about one length."""
     n, free = len(run.time), not np.isfinite(memory)
     lead = 0 if free else min(n, math.ceil(memory / run.step))
-    whole = not free and n <= LEADS * TOGETHER * max(lead, LEAD)
+    whole = not free and n <= WINDOW_LEADS * WHOLE_LEADS * max(lead, LEAST_WINDOW)
     filled = longest
     while filled >= 2 * n:
         filled = -(-filled // 2)
-    length = filled if whole else max(LEADS * lead, longest // WINDOWS, LEAD)
+    length = filled if whole else max(WINDOW_LEADS * lead, longest // WINDOWS, LEAST_WINDOW)
     lead = 0 if whole else lead
-    return FreeRun(numbers, run, lead, length, max(1, n // ROWS))
+    return FreeRun(numbers, run, lead, length, max(1, n // MOST_ROWS))

@@ -13,14 +13,14 @@ from .._settings import SETTINGS
 from .known import states
 from .rows import OdeRun, smoothed
 
-SHARES = SETTINGS.free_candidates.shares
-CLIPPED = SETTINGS.free_candidates.clipped
-SLOW = SETTINGS.free_candidates.slow
-RARELY = SETTINGS.free_candidates.rarely
+SCALE_SHARES = SETTINGS.free_candidates.scale_shares
+BELOW_LIMIT = SETTINGS.free_candidates.below_limit
+SLOW_TIMES = SETTINGS.free_candidates.slow_times
+LIMIT_SEEN = SETTINGS.free_candidates.limit_seen
 LAGS = SETTINGS.free_candidates.lags
 DELAYS = SETTINGS.free_candidates.delays
-OTHERS = SETTINGS.free_candidates.others
-WAY = SETTINGS.free_candidates.way
+ANY_VALUES = SETTINGS.free_candidates.any_values
+MOVED_TIME = SETTINGS.free_candidates.moved_time
 VALUES_BETWEEN = SETTINGS.candidates.values_between
 
 
@@ -31,7 +31,8 @@ class Scales:
     speed: float
     twist: float  # of what a spring of the drive, or the one that holds the axis, is bent by
     step: float  # the least
-    torques: np.ndarray  # sizes of the commanded torque below which it is for `CLIPPED`, `RARELY`
+    # sizes of the commanded torque below which it is for `BELOW_LIMIT`, `LIMIT_SEEN`
+    torques: np.ndarray
     reach: float  # the largest that was measured
 
     @staticmethod
@@ -45,7 +46,7 @@ class Scales:
             np.abs(commanded(machine, q, v, r.inputs))
             for r, (q, v, _) in zip(runs, parts, strict=True)
         ])  # fmt: skip
-        torques = np.quantile(torque, (*CLIPPED, RARELY))
+        torques = np.quantile(torque, (*BELOW_LIMIT, LIMIT_SEEN))
         reach = max(float(np.max(np.abs(r.shown))) for r in runs)
         step = min(r.step for r in runs)
         return Scales(float(speed), float(twist), step, torques, reach)
@@ -54,20 +55,21 @@ class Scales:
         """Values to try of a shape constant of a law at a port."""
         limits = list(self.torques[:-1]) if port == "actuator" else [self.reach]
         known = {
-            "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
-            "gap": [x * self.twist for x in SHARES], "limit": limits,
+            "width": [x * self.speed for x in SCALE_SHARES],
+            "speed": [x * self.speed for x in SCALE_SHARES],
+            "gap": [x * self.twist for x in SCALE_SHARES], "limit": limits,
             "tau": self._times(LAGS), "delay": self._times(DELAYS),
         }  # fmt: skip
         if key in known:
             return known[key]
         if math.isfinite(parameter.low) and math.isfinite(parameter.high):
             return list(np.linspace(parameter.low, parameter.high, VALUES_BETWEEN + 2)[1:-1])
-        return list(OTHERS)
+        return list(ANY_VALUES)
 
     def _times(self, samples: Sequence[float]) -> list[float]:
-        """Times to try, s: some samples, and longer ones of `SLOW`."""
+        """Times to try, s: some samples, and longer ones of `SLOW_TIMES`."""
         short = [self.step * x for x in samples]
-        return short + [t for t in SLOW if t > 2 * short[-1]]
+        return short + [t for t in SLOW_TIMES if t > 2 * short[-1]]
 
 
 def _twist(machine, q, v, step) -> np.ndarray:
@@ -118,4 +120,4 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
 
 def _time_of(key: str, tried: float):
     """A time from its column at the one that was tried: what it changes grows with it."""
-    return lambda c: {key: tried * min(max(float(c[0]), WAY), 1 / WAY)}
+    return lambda c: {key: tried * min(max(float(c[0]), MOVED_TIME), 1 / MOVED_TIME)}

@@ -25,12 +25,12 @@ from .measured import Measured
 from .rows import Balance, smoothed
 
 # r: of the rows' variance that is no sensor noise
-SHARES = np.logspace(*SETTINGS.free_colour.decades, SETTINGS.free_colour.shares)
-LOCAL = SETTINGS.free_colour.local
+SHARES = np.logspace(*SETTINGS.free_colour.decades, SETTINGS.free_colour.powers)
+LEAST_COVARIANCE = SETTINGS.free_colour.least_covariance
 ROUNDS = SETTINGS.free_colour.rounds
 SPAN = SETTINGS.free_colour.span
 RELATIVE = SETTINGS.free_colour.relative
-LONG = SETTINGS.free_colour.long
+FEWEST_ROWS = SETTINGS.free_colour.fewest_rows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,12 +82,12 @@ def of_sensor(model: AbstractColoured, fit: Fit) -> np.ndarray:
     assert isinstance(rows, Balance)  # free runs have rows of the sensor's own noise
     stiffness, damping = -np.median(slopes[:, :2], axis=0)
     edge, thin = rows.edge, rows.thin
-    impulse = np.zeros(2 * SPAN * max(2 * edge, LONG * thin) + 1)
+    impulse = np.zeros(2 * SPAN * max(2 * edge, FEWEST_ROWS * thin) + 1)
     impulse[len(impulse) // 2] = 1.0
     q, v, a = smoothed(impulse, rows.run.step, rows.run.cutoff)
     answer = np.convolve(a + damping * v + stiffness * q, rows.taps, "same")
     several = np.correlate(answer, answer, "full")[len(answer) - 1 :: thin]
-    count = 1 + int(np.max(np.flatnonzero(np.abs(several) > LOCAL * several[0])))
+    count = 1 + int(np.max(np.flatnonzero(np.abs(several) > LEAST_COVARIANCE * several[0])))
     return several[:count] / several[0]
 
 

@@ -13,7 +13,7 @@ from .numbers import Numbers
 from .programs import START, TANGENT, VALUE, Programs, begun, ended
 from .rows import Balance
 
-STEEP = SETTINGS.free_model.steep
+MOST_STEPS = SETTINGS.free_model.most_steps
 LANES = 16, 8, 4  # points side by side, by program: as many as mostly come; one shape, one program
 HANDFUL = 4, 1, 1  # points, at most, that one by one take less time than filled up to `LANES`
 OFTEN = (1.5e6, 1.5e6, 5e5)  # samples stepped by these, after which a set of laws has its own
@@ -58,7 +58,7 @@ class RowEvaluation:
         """What a program gives of all rows of some runs."""
         starts = self.starts if starts is None else starts
         key, steps, rows = tuple(which), self.steps(tables[0]), self.measured.rows
-        followed = np.where(steps > STEEP, 1, steps)
+        followed = np.where(steps > MOST_STEPS, 1, steps)
         if key not in self._batches:
             self._batches[key] = batches({i: rows[i] for i in which}, self._widths)
         only, lanes = self._program_for(tables[0], followed, which, program)
@@ -72,7 +72,7 @@ class RowEvaluation:
         for batch, parts in zip(self._batches[key], running, strict=True):
             by_run |= batch.by_run([ended(chunks) for chunks in parts])
         out = np.concatenate([by_run[i][:, rows[i].picked] for i in which], axis=1)
-        out[steps > STEEP] = np.nan
+        out[steps > MOST_STEPS] = np.nan
         return out
 
     def _program_for(self, thetas, steps, which, program) -> tuple[frozenset[int] | None, int]:

@@ -17,7 +17,7 @@ from .measured import Rows
 from .model import OdeModel
 from .rows import Balance, OdeRun, smoothed
 
-RESTS = SETTINGS.free_evidence.rests
+REST_RATIO = SETTINGS.free_evidence.rest_ratio
 
 
 class OdeEvidence(AbstractEvidence):
@@ -25,7 +25,7 @@ class OdeEvidence(AbstractEvidence):
 
     model: OdeModel
     closing = SETTINGS.free_evidence.closing
-    alike = SETTINGS.free_evidence.alike
+    alike = SETTINGS.free_evidence.size_tolerance
 
     def __init__(self, model: OdeModel, file: MachineFile, noise: Sequence[Assumed],
                  remarks: list[str], faults: list[str], blocks: bool):  # fmt: skip
@@ -132,7 +132,7 @@ class OdeEvidence(AbstractEvidence):
                     "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
                     "mae": float(np.mean(np.abs(error))) if finite else None,
                     "percent": 100 * float(np.std(error)) / moved
-                    if finite and moved > RESTS * noise
+                    if finite and moved > REST_RATIO * noise
                     else None,
                 }
             out.append(entry)

@@ -14,7 +14,7 @@ from .model import OdeModel
 from .rows import OdeRun
 
 SECONDS = SETTINGS.free_experiment.seconds
-SLOW = SETTINGS.free_experiment.slow
+SINE_RATE = SETTINGS.free_experiment.sine_rate
 CHIRP = SETTINGS.free_experiment.chirp
 WRITTEN = SETTINGS.free_experiment.written
 
@@ -23,7 +23,7 @@ def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     """Inputs (t,) up to the size that the runs have shown."""
     T, (begin, end) = time[-1], CHIRP
     chirp = np.sin(2 * np.pi * (begin * time + (end - begin) * time**2 / (2 * T)))
-    slow = np.sin(2 * np.pi * SLOW * time)
+    slow = np.sin(2 * np.pi * SINE_RATE * time)
     return {
         "a slow sine at full size": top * slow,
         "a slow sine at a fifth of the size": top / 5 * slow,

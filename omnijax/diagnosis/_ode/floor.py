@@ -19,17 +19,17 @@ from .._search import (
 from .._settings import SETTINGS
 from .together import lines_together
 
-ALIKE = SETTINGS.free_floor.alike
-STEPS = SETTINGS.free_floor.steps
-TRIED = SETTINGS.free_floor.tried
-WORTH = SETTINGS.free_floor.worth
-NOISE = SETTINGS.free_floor.noise
+LEAST_DIRECTION = SETTINGS.free_floor.least_direction
+LAWS = SETTINGS.free_floor.laws
+REFITTED = SETTINGS.free_floor.refitted
+LEFT_COST = SETTINGS.free_floor.left_cost
+NOISE_MISFIT = SETTINGS.free_floor.noise_misfit
 TURNS = SETTINGS.free_floor.turns
-GAINED = SETTINGS.free_floor.gained
+TURN_COST = SETTINGS.free_floor.turn_cost
 ROUNDS = SETTINGS.free_floor.rounds
 RELATIVE = SETTINGS.free_floor.relative
-CORRELATED = SETTINGS.free_floor.correlated
-LAGS = SETTINGS.free_floor.lags
+LEAST_CORRELATION = SETTINGS.free_floor.least_correlation
+LONGEST_LAG = SETTINGS.free_floor.longest_lag
 
 
 def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
@@ -39,8 +39,8 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
     The first at finite strength, for a strong one bends its tangent, and where none explains all,
     several lines of one place as the `balance` of accelerations has them; the next by tangents.
     """
-    for step in range(STEPS):
-        if fit.chi2 < NOISE * model.dof("train"):
+    for step in range(LAWS):
+        if fit.chi2 < NOISE_MISFIT * model.dof("train"):
             break
         known = fit.point.effects
         candidates = [c for c in model.candidates(fit.point) if not model.has(known, c.id, c.place)]
@@ -51,14 +51,14 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
             starts = at_finite_strength(model, fit, scan.scores, set(model.laws))
         else:
             starts = by_tangent(fit, scan.best_per_name())
-        starts = sorted(starts, key=lambda s: s.cost)[:TRIED]
-        starts = [s for s in starts if s.cost < WORTH * fit.cost]
+        starts = sorted(starts, key=lambda s: s.cost)[:REFITTED]
+        starts = [s for s in starts if s.cost < LEFT_COST * fit.cost]
         fits = []
         for start in starts:
             fits.append(settled(model, start.point))
             tell(f"{start.name}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
         least = min((f.chi2 for f in fits), default=np.inf)
-        if step == 0 and balance is not None and not least < NOISE * model.dof("train"):
+        if step == 0 and balance is not None and not least < NOISE_MISFIT * model.dof("train"):
             point = lines_together(balance(), Point(0 * fit.point.u))
             if point is not None:
                 model.rebase(point)  # a window's start had stood for them
@@ -66,7 +66,7 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
                 said = f"{len(point.effects)} lines, {point.effects[-1].name}"
                 tell(f"{said}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
         new = min(fits, key=lambda f: f.cost, default=fit)
-        if not new.cost < WORTH * fit.cost:
+        if not new.cost < LEFT_COST * fit.cost:
             break
         fit = new
     return fit
@@ -84,9 +84,9 @@ def turned(model: AbstractModel, fit: Fit) -> Fit:
     Starts and numbers lead each other on from far away, so again as long as much is gained.
     """
     for new in refits_about(model, fit.point, TURNS, relative=RELATIVE):
-        gained = new.cost < GAINED * fit.cost
+        gained = new.cost < TURN_COST * fit.cost
         fit = new
-        if fit.chi2 < NOISE * model.dof("train") or not gained:
+        if fit.chi2 < NOISE_MISFIT * model.dof("train") or not gained:
             break
     return fit
 
@@ -96,7 +96,7 @@ def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:
 
     Laws whose shapes differ in little are one direction of it.
     """
-    basis = orthonormal_of_many_rows(table.T, short=ALIKE)
+    basis = orthonormal_of_many_rows(table.T, short=LEAST_DIRECTION)
     return residual - basis @ (basis.T @ residual), basis.shape[1]
 
 
@@ -106,10 +106,10 @@ def inflation(parts: Sequence[np.ndarray]) -> float:
     The sum ends at the first small correlation.
     """
     power = sum(float(x @ x) for x in parts)
-    total, longest = 1.0, int(LAGS * max(len(x) for x in parts))
+    total, longest = 1.0, int(LONGEST_LAG * max(len(x) for x in parts))
     for lag in range(1, longest):
         r = sum(float(x[lag:] @ x[:-lag]) for x in parts if len(x) > lag) / max(power, 1e-300)
-        if r < CORRELATED:
+        if r < LEAST_CORRELATION:
             break
         total += 2 * r
     return total

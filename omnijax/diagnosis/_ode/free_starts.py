@@ -13,9 +13,9 @@ from .before import matters
 from .evaluation import RowEvaluation
 from .reopened import reopened
 
-RESTARTS = SETTINGS.free_model.restarts
-PARTS = SETTINGS.free_model.parts
-ENOUGH = SETTINGS.free_model.enough
+START_STEPS = SETTINGS.free_model.start_steps
+START_PARTS = SETTINGS.free_model.start_parts
+START_GAIN = SETTINGS.free_model.start_gain
 
 ByRun = dict[int, np.ndarray]
 
@@ -55,7 +55,7 @@ class FreeStarts:
 
     def _settle(self, theta) -> None:
         """Steps of Gauss and Newton of the starts, as long as they gain."""
-        for _ in range(RESTARTS):
+        for _ in range(START_STEPS):
             if not self._step(theta):
                 break
 
@@ -72,7 +72,7 @@ class FreeStarts:
             if np.all(np.abs(tangents[i]) < 1e100) and np.all(np.abs(first[i]) < 1e100)
         }  # fmt: skip
         best, total = {i: x.copy() for i, x in known.items()}, sum(x.sum() for x in least.values())
-        for part in PARTS:
+        for part in START_PARTS:
             tried = known | {i: known[i] + part * step for i, step in steps.items()}
             left = self._left(theta, tried)
             for i in steps:
@@ -81,7 +81,7 @@ class FreeStarts:
                 best[i][better] = tried[i][better]
                 least[i] = np.minimum(squares, least[i])
         self.evaluation.starts = best
-        return sum(x.sum() for x in least.values()) < (1 - ENOUGH) * total
+        return sum(x.sum() for x in least.values()) < (1 - START_GAIN) * total
 
     def _left(self, theta, starts: ByRun) -> ByRun:
         """By run what its rows (rows,) are at a vector of numbers and some starts."""

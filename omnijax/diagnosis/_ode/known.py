@@ -20,7 +20,7 @@ from ...machine import (
 )
 from .._settings import SETTINGS
 
-FINE = SETTINGS.free_known.fine
+STEPS = SETTINGS.free_known.steps
 ROUNDS = SETTINGS.free_known.rounds
 GAMMA = 1 - 1 / math.sqrt(2)  # of Rosenbrock's method: stable for rates of any size
 
@@ -60,16 +60,16 @@ def states(machine: AbstractMachine, q, v, step) -> Float[Array, "t n"]:
 
 
 def _dragged(axis: Axis, q, v, step) -> Float[Array, "t 2"]:
-    """Position and speed of the second inertia, `FINE` Runge-Kutta steps a sample."""
+    """Position and speed of the second inertia, `STEPS` Runge-Kutta steps a sample."""
     none, first = Ports((), ()), {"input": jnp.zeros(()), "gain": jnp.ones(()), "enable": 1.0}
 
     def rate(z, at):
         return jnp.stack(axis.rate(jnp.concatenate([at, z]), first, none)[2:])
 
     def after(z, ends):
-        a, change = ends[0], (ends[1] - ends[0]) / FINE
-        h = step / FINE
-        for k in range(FINE):
+        a, change = ends[0], (ends[1] - ends[0]) / STEPS
+        h = step / STEPS
+        for k in range(STEPS):
             begin, middle, end = a + k * change, a + (k + 0.5) * change, a + (k + 1) * change
             k1 = rate(z, begin)
             k2 = rate(z + h / 2 * k1, middle)
@@ -114,12 +114,12 @@ def _lagging(axis: Axis, placed, time, x, inputs) -> Float[Array, "t m"]:
 
 
 def _followed(machine, placed, time, x, inputs) -> Float[Array, "t m"]:
-    """Memories (t, m) of any laws: `FINE` steps of Rosenbrock's second-order method a sample.
+    """Memories (t, m) of any laws: `STEPS` steps of Rosenbrock's second-order method a sample.
 
     It is stable however fast a law forgets (Verwer's coefficient).
     """
     names, (field, join) = tuple(inputs), field_of_numbers(machine, placed)
-    h = (time[1] - time[0]) / FINE
+    h = (time[1] - time[0]) / STEPS
 
     def rate(z, at):
         state, given = at
@@ -127,8 +127,8 @@ def _followed(machine, placed, time, x, inputs) -> Float[Array, "t m"]:
 
     def after(z, ends):
         begin, end = ends
-        change = jax.tree.map(lambda a, b: (b - a) / FINE, begin, end)
-        for k in range(FINE):
+        change = jax.tree.map(lambda a, b: (b - a) / STEPS, begin, end)
+        for k in range(STEPS):
             here, then = (
                 jax.tree.map(lambda a, d, k=j: a + k * d, begin, change) for j in (k, k + 1)
             )

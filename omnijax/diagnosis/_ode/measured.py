@@ -7,7 +7,7 @@ import numpy as np
 from .._settings import SETTINGS
 from .rows import Balance, FreeRun, OdeRun
 
-RANKING = SETTINGS.free_model.ranking
+RANKING_RUNS = SETTINGS.free_model.ranking_runs
 
 Rows = Balance | FreeRun
 
@@ -64,6 +64,6 @@ def _splits(runs: Sequence[OdeRun]) -> dict[str, list[int]]:
     train, held_out = (
         [i for i, run in enumerate(runs) if run.role == role] for role in ("train", "held-out")
     )
-    apart = max(1, len(train) // RANKING)
+    apart = max(1, len(train) // RANKING_RUNS)
     ordered = [i for k in range(apart) for i in train[k::apart]]
     return {"train": ordered, "held-out": held_out, "ranking": train[::apart]}

@@ -26,9 +26,9 @@ from .rows import Balance, OdeRun
 from .signatures import signatures
 from .undecided import undecided
 
-SIMPLER = SETTINGS.free_model.simpler
+NUMBER_PRICE = SETTINGS.free_model.number_price
 STEP = SETTINGS.free_model.step
-ROOM = SETTINGS.free_model.room
+LINES = SETTINGS.free_model.lines
 
 
 class OdeModel(AbstractColoured):
@@ -45,8 +45,8 @@ class OdeModel(AbstractColoured):
     budget = SETTINGS.free_model.budget
     repeats = frozenset({"motor-ripple", "current-ripple"})
     settings = dataclasses.replace(
-        SETTINGS.search, both_anchors=True, runner_up_lead=SETTINGS.free_model.lead,
-        size_factor=SETTINGS.free_model.share, size_noise=SETTINGS.free_model.slack,
+        SETTINGS.search, both_anchors=True, runner_up_lead=SETTINGS.free_model.runner_up_lead,
+        size_factor=SETTINGS.free_model.size_factor, size_noise=SETTINGS.free_model.size_noise,
     )  # fmt: skip
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
     ranking = "ranking"
@@ -66,7 +66,7 @@ class OdeModel(AbstractColoured):
         self.machine, self.priors, self.laws = machine, list(priors), laws
         self.noise = np.broadcast_to(noise, len(runs))
         room = [(laws[i], p) for i, p in places]
-        room += [(laws[i], p) for i, p in places if "order" in laws[i].parameters] * (ROOM - 1)
+        room += [(laws[i], p) for i, p in places if "order" in laws[i].parameters] * (LINES - 1)
         self.places = list(places)
         self.numbers = numbers = Numbers(machine, self.priors, room, stated)
         self.measured = Measured(runs, lambda run: criterion(numbers, run))
@@ -263,7 +263,7 @@ class OdeModel(AbstractColoured):
             orders = strongest_orders(self, point)
         names = [e.name for e in point.effects]
         candidates = machine_candidates(self, self.scales, orders)
-        return [c for c in candidates if names.count(c.name) < ROOM]
+        return [c for c in candidates if names.count(c.name) < LINES]
 
     def columns(self, point, candidates):
         return signatures(self, point, candidates)
@@ -271,7 +271,7 @@ class OdeModel(AbstractColoured):
     def plainness(self, effect: Effect) -> float:
         """Share of its gain that a law keeps when laws are ranked: fewer numbers come first."""
         numbers = sum(k != "width" for k in effect.values)
-        return 1 - SIMPLER * (numbers + (effect.id not in EFFECTS))
+        return 1 - NUMBER_PRICE * (numbers + (effect.id not in EFFECTS))
 
     def free(self, point):
         return ranges_of(self, point, self.scales, self.measured.resolution)

@@ -8,16 +8,16 @@ from .._settings import SETTINGS
 from .candidates import commanded
 
 FINE = SETTINGS.free_orders.fine
-CLOSER = SETTINGS.free_orders.closer
+FINER = SETTINGS.free_orders.finer
 PERIODS = SETTINGS.free_orders.periods
 PEAKS = SETTINGS.free_orders.peaks
 HIGHEST = SETTINGS.free_orders.highest
-LOOKED = SETTINGS.free_orders.looked
-MOST = SETTINGS.free_orders.most
-SLOW = SETTINGS.free_orders.slow
+MOST_PEAKS = SETTINGS.free_orders.most_peaks
+MOST_ORDERS = SETTINGS.free_orders.most_orders
+SLOW_ROWS = SETTINGS.free_orders.slow_rows
 SEEN = SETTINGS.free_orders.seen
-ROOM = SETTINGS.free_model.room
-ALIKE = SETTINGS.free_orders.alike
+LINES = SETTINGS.free_model.lines
+LEAST_LINE = SETTINGS.free_orders.least_line
 
 
 def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
@@ -31,7 +31,7 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     order is looked for in the rows whose speed keeps it within what they let through, up to where
     one in twenty of them does.  A line that is passed unevenly has many side lobes: beside the
     `HIGHEST` peaks stand those that are left once the lines before them are taken away, so that
-    a second cogging of the same motor is among them.  The first `ROOM` lines are each looked for
+    a second cogging of the same motor is among them.  The first `LINES` lines are each looked for
     once more beside the others, for a side lobe of several may stand above all lines.
     """
     which, theta = model.measured.splits["train"], model.numbers.vector(point)
@@ -52,7 +52,7 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
         return {}
     fine = model.measured.resolution / FINE
     fastest = SEEN * np.pi / step  # rad/s, of a line
-    top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
+    top = min(fastest / (np.quantile(np.abs(speed), SLOW_ROWS) or 1.0), fine * MOST_ORDERS)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 
     ports = {(model.laws[i].port, place) for i, place in model.places}
@@ -107,18 +107,18 @@ class _Lines:
         """The same less the best lines of some orders together."""
         waves = self.waves(orders) * self.weight
         table = np.concatenate([np.real(waves), np.imag(waves)]).T
-        size = np.linalg.lstsq(table, self.left, rcond=ALIKE)[0]
+        size = np.linalg.lstsq(table, self.left, rcond=LEAST_LINE)[0]
         return dataclasses.replace(self, left=self.left - table @ size)
 
     def strongest(self, grid, fine: float) -> list[float]:
         """`PEAKS` orders on a `grid` with steps `fine`, more finely looked for beside each."""
         powers = self.along(grid, fine)
-        peaks = grid[_peaks(powers)[:LOOKED]]
+        peaks = grid[_peaks(powers)[:MOST_PEAKS]]
         highest = [self.closer(x, fine) for x in peaks[:HIGHEST]]
         waves, lines = self.waves(peaks), highest[:1]
         while lines and len(lines) < min(PEAKS, len(peaks)):
             again = [self.beside(lines, peaks, waves, fine)]
-            for _ in range(len(lines) if len(lines) < ROOM else 0):  # each one beside the others
+            for _ in range(len(lines) if len(lines) < LINES else 0):  # each one beside the others
                 again.append(self.beside([*lines[1:], *again], peaks, waves, fine))
                 lines = lines[1:]
             lines += again
@@ -131,7 +131,7 @@ class _Lines:
 
     def closer(self, order: float, fine: float) -> float:
         """The best order within a step of the grid."""
-        near = order + np.arange(-CLOSER, CLOSER + 1) * fine / CLOSER
+        near = order + np.arange(-FINER, FINER + 1) * fine / FINER
         return float(near[np.argmax(self.power(near))])
 
 

@@ -15,7 +15,7 @@ from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
 
 INSTANTS = SETTINGS.free_model.instants
-PASSED = SETTINGS.free_model.passed
+SLOPED_RUNS = SETTINGS.free_model.sloped_runs
 VALUE, TANGENT, START = range(3)  # programs over the rows
 
 
@@ -89,8 +89,8 @@ def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
     inside a play says nothing of the play's ends.
     """
     moving, resting, hidden = [], [], len(numbers.machine.start({"position": (0.0, 0.0)})) > 2
-    for run in runs[:PASSED]:
-        measured = _measured(run, max(2, INSTANTS // len(runs[:PASSED])))
+    for run in runs[:SLOPED_RUNS]:
+        measured = _measured(run, max(2, INSTANTS // len(runs[:SLOPED_RUNS])))
         passed = _met(numbers, run, measured) if hidden else _states(numbers, measured)
         still = [] if hidden else _states(numbers, [(i, q, 0.0) for i, q, _ in measured])
         for here, states in ((moving, passed), (resting, still)):

@@ -13,7 +13,7 @@ import numpy as np
 from .._settings import SETTINGS
 from .rows import FreeRun
 
-CAUGHT = SETTINGS.free_reopened.caught
+CAUGHT_RATIO = SETTINGS.free_reopened.caught_ratio
 OPENINGS = SETTINGS.free_reopened.openings
 
 ByRun = dict[int, np.ndarray]
@@ -23,7 +23,7 @@ def caught(runs: Mapping[int, FreeRun], left: ByRun) -> bool:
     """Whether some windows miss far more a row than half of them do."""
     missed = np.concatenate([r.mean_squares(left[i]) for i, r in runs.items()])
     missed = np.sort(missed[np.isfinite(missed)])
-    return bool(len(missed) and missed[-1] > CAUGHT * missed[(len(missed) - 1) // 2])
+    return bool(len(missed) and missed[-1] > CAUGHT_RATIO * missed[(len(missed) - 1) // 2])
 
 
 def reopened(

@@ -25,13 +25,13 @@ from .before import Before, memories_at, seen
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
-SEEN = SETTINGS.free_rows.seen
-WIDE = SETTINGS.free_rows.wide
-ORDER = SETTINGS.free_rows.order
-NYQUIST = SETTINGS.free_rows.nyquist
-IMPULSE = SETTINGS.free_rows.impulse
-EDGES = SETTINGS.free_rows.edges
-PASSED = SETTINGS.free_rows.passed
+LEAST_START = SETTINGS.free_rows.least_start
+FILTER_TAPS = SETTINGS.free_rows.filter_taps
+FILTER_ORDER = SETTINGS.free_rows.filter_order
+HIGHEST_CUTOFF = SETTINGS.free_rows.highest_cutoff
+IMPULSE_SAMPLES = SETTINGS.free_rows.impulse_samples
+IMPULSE_EDGES = SETTINGS.free_rows.impulse_edges
+PASSED_BAND = SETTINGS.free_rows.passed_band
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,8 +59,8 @@ class OdeRun:
 
 
 def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...]:
-    """A signal, its rate and acceleration: low-passed both ways (`ORDER`), differences."""
-    b, a = butter(ORDER, min(NYQUIST, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    """A signal, its rate and acceleration: low-passed both ways (`FILTER_ORDER`), differences."""
+    b, a = butter(FILTER_ORDER, min(HIGHEST_CUTOFF, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     x = filtfilt(b, a, x)
     v = np.asarray(rate_of(x, step))
     return x, v, np.asarray(rate_of(v, step))
@@ -85,8 +85,10 @@ class Balance:
         self.numbers, self.run, cutoff = numbers, run, run.cutoff
         q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
         self.thin = max(1, round(1 / (run.step * cutoff)))
-        wide = 2 * WIDE * self.thin + 1
-        self.taps = np.asarray(firwin(wide, PASSED / self.thin) if self.thin > 1 else np.ones(1))
+        wide = 2 * FILTER_TAPS * self.thin + 1
+        self.taps = np.asarray(
+            firwin(wide, PASSED_BAND / self.thin) if self.thin > 1 else np.ones(1)
+        )
         self.edge = len(self.taps) // 2
         given = {"input": acting(np.asarray(run.inputs["input"]), run.hold)}
         inputs = {k: jnp.asarray(x) for k, x in (dict(run.inputs) | given).items()}
@@ -118,7 +120,7 @@ class Balance:
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
-        n = max(IMPULSE, EDGES * self.edge + 1)
+        n = max(IMPULSE_SAMPLES, IMPULSE_EDGES * self.edge + 1)
         impulse = np.zeros(n)
         impulse[n // 2] = 1.0
         if self.run.measured == "velocity":
@@ -213,7 +215,7 @@ class FreeRun:
             size = np.linalg.norm(tangents[:, rows], axis=1) + 1e-300
             if len(rows) > len(tangents) and np.all(np.isfinite([*left[rows], *size])):
                 A = (tangents[:, rows] / size[:, None]).T
-                moved[w] += np.linalg.lstsq(A, left[rows], rcond=SEEN)[0] / size
+                moved[w] += np.linalg.lstsq(A, left[rows], rcond=LEAST_START)[0] / size
         return moved
 
     def squares(self, left: np.ndarray) -> np.ndarray:

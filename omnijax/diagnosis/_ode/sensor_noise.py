@@ -11,8 +11,8 @@ from .._settings import SETTINGS
 
 ORDERS = SETTINGS.free_sensor_noise.orders
 NOISE_FREE = SETTINGS.free_sensor_noise.noise_free
-ERROR = SETTINGS.free_sensor_noise.error
-WHITE = SETTINGS.free_sensor_noise.white
+LEVEL_ERROR = SETTINGS.free_sensor_noise.level_error
+WHITE_RATIO = SETTINGS.free_sensor_noise.white_ratio
 
 
 def sensor_noise(logs: Sequence[Log]) -> list[Assumed]:
@@ -45,7 +45,7 @@ def _assumed(log: Log, levels: np.ndarray) -> Assumed:
     if measured == 0 and declared is None:
         return Assumed(NOISE_FREE * float(np.std(log.shown)), 0.0, "noise-free", declared)
     if declared is not None and (
-        measured == 0 or levels.max() > WHITE * measured > WHITE * declared
+        measured == 0 or levels.max() > WHITE_RATIO * measured > WHITE_RATIO * declared
     ):
         measured = declared
-    return Assumed(*combined(measured, ERROR, "differences", declared), declared)
+    return Assumed(*combined(measured, LEVEL_ERROR, "differences", declared), declared)

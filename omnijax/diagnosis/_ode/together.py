@@ -18,10 +18,10 @@ import numpy as np
 from .._search import AbstractModel, Fit, Point, Signatures, by_tangent, refit, taken_up
 from .._settings import SETTINGS
 
-ROOM = SETTINGS.free_model.room
-WORTH = SETTINGS.free_floor.worth
-RELAXED = SETTINGS.free_together.relaxed
-MOVED = SETTINGS.free_together.moved
+LINES = SETTINGS.free_model.lines
+LEFT_COST = SETTINGS.free_floor.left_cost
+RELAXED_TURNS = SETTINGS.free_together.relaxed_turns
+MOVED_COST = SETTINGS.free_together.moved_cost
 ROUNDS = SETTINGS.free_together.rounds
 
 
@@ -35,9 +35,9 @@ def lines_together(balance: AbstractModel, point: Point) -> Point | None:
     names = {c.name for c in balance.candidates(point)}
     for name in sorted(names):
         fit = first
-        for _ in range(ROOM):
+        for _ in range(LINES):
             new = _with_line(balance, fit, name)
-            if new is None or not new.cost < WORTH * fit.cost:
+            if new is None or not new.cost < LEFT_COST * fit.cost:
                 break
             fit = _relaxed(balance, new, len(point.effects))
         if len(fit.point.effects) > len(point.effects) + 1:
@@ -48,7 +48,7 @@ def lines_together(balance: AbstractModel, point: Point) -> Point | None:
 def _relaxed(balance: AbstractModel, fit: Fit, known: int) -> Fit:
     """The fit with each line after the first `known` effects looked for anew beside the others."""
     lines = range(known, len(fit.point.effects))
-    for _ in range(RELAXED if len(lines) > 1 else 0):
+    for _ in range(RELAXED_TURNS if len(lines) > 1 else 0):
         before = fit
         for _ in lines:  # the one that is looked for anew becomes the last
             effects = fit.point.effects
@@ -57,7 +57,7 @@ def _relaxed(balance: AbstractModel, fit: Fit, known: int) -> Fit:
             new = _with_line(balance, refit(balance, others, rounds=ROUNDS), name)
             turned = (*effects[:known], *effects[known + 1 :], effects[known])
             same = dataclasses.replace(fit, point=fit.point.with_effects(*turned))
-            fit = new if new is not None and new.cost < MOVED * fit.cost else same
+            fit = new if new is not None and new.cost < MOVED_COST * fit.cost else same
         if not fit.cost < before.cost:
             break
     return fit

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 
-LEAST = SETTINGS.free_undecided.least
+LEAST_SIGMA = SETTINGS.free_undecided.least_sigma
 
 
 def undecided(train: np.ndarray, held_out: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -24,5 +24,5 @@ def undecided(train: np.ndarray, held_out: np.ndarray) -> tuple[np.ndarray, np.n
     upper = np.linalg.qr(np.concatenate([train, np.eye(train.shape[1])]), mode="r")
     root = np.linalg.inv(upper)
     left, sizes, _ = np.linalg.svd(held_out @ root, full_matrices=False)
-    open_ = sizes > LEAST
+    open_ = sizes > LEAST_SIGMA
     return (left[:, open_], 1 - 1 / np.sqrt(1 + sizes[open_] ** 2)) if open_.any() else None
