@@ -22,8 +22,8 @@ from ._ode import (
 from ._search import Point, calibrated, check_foretold, refit
 from ._settings import SETTINGS
 
-STARTED = SETTINGS.axis_case.started
-ROUNDS = SETTINGS.axis_case.rounds
+SKIPPED_SAMPLES = SETTINGS.axis_case.skipped_samples
+HOLD_STEPS = SETTINGS.axis_case.hold_steps
 RELATIVE = SETTINGS.axis_case.relative
 
 
@@ -53,7 +53,7 @@ def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnos
     model.set_floor(fit, tell)
     if reading.open and model.explained is not None:  # what is missing would hide half a sample
         model.rebase(model.explained.point)
-        known = refit(model, model.explained.point, rounds=ROUNDS, relative=RELATIVE)
+        known = refit(model, model.explained.point, rounds=HOLD_STEPS, relative=RELATIVE)
         other = better_reading(reading, laws, model, known, tell, programs)
         if other is not None:
             return _read(other, laws, tell, programs)
@@ -91,5 +91,5 @@ def force_error(diagnosis: Diagnosis, train: Log, test: Log) -> dict[str, float]
         out[f"{word}train"] = balance_error(model, there, "train")
         out[f"{word}cross-test"] = balance_error(model, there, "held-out")
         missed = missed_output(model, there, model.measured.of("held-out")[0])
-        out[f"{word}free run"] = float(np.sqrt(np.mean(missed[STARTED:] ** 2)))
+        out[f"{word}free run"] = float(np.sqrt(np.mean(missed[SKIPPED_SAMPLES:] ** 2)))
     return out

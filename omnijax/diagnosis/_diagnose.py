@@ -32,10 +32,10 @@ from ._room import check_room
 from ._search import Point, calibrated, check_foretold, holds_list
 from ._settings import SETTINGS
 
-MOSTLY = SETTINGS.diagnose.mostly
-ERRORS = SETTINGS.diagnose.errors
-SLACK = SETTINGS.diagnose.slack
-ABOVE = SETTINGS.diagnose.above
+WHITE_RATIO = SETTINGS.diagnose.white_ratio
+LEVEL_ERRORS = SETTINGS.diagnose.level_errors
+LEVEL_SHARE = SETTINGS.diagnose.level_share
+ASSUMED_FACTOR = SETTINGS.diagnose.assumed_factor
 WINDOW = SETTINGS.diagnose.window
 
 
@@ -139,8 +139,8 @@ def mended(evidence: AbstractEvidence, point: Point, noise: dict[str, Assumed]):
         for channel, (level, rms) in run.items():
             known = noise[channel]
             measured = known.source not in ("declared", "unknown")
-            bound = 1 + ERRORS * known.error + SLACK if measured else ABOVE
-            fits = measured or level.ratio < 1 or rms < MOSTLY * level.ratio
+            bound = 1 + LEVEL_ERRORS * known.error + LEVEL_SHARE if measured else ASSUMED_FACTOR
+            fits = measured or level.ratio < 1 or rms < WHITE_RATIO * level.ratio
             if wrong(level) and level.ratio < bound and fits:
                 kept[channel], any_wrong = level, True
         out.append(kept)

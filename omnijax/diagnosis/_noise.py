@@ -14,16 +14,16 @@ NOISE_FREE = {
     "dR": SETTINGS.noise.free_elastic, "a": SETTINGS.noise.free_elastic,
     "Omega": SETTINGS.noise.free_turning, "theta": SETTINGS.noise.free_angle,
 }  # fmt: skip
-DATA_SHEET = SETTINGS.noise.data_sheet
-AGREES = SETTINGS.noise.agrees
-UNKNOWN = SETTINGS.noise.unknown
-FINEST = SETTINGS.noise.finest
-ORDER = SETTINGS.noise.order
-GUESSED = SETTINGS.noise.guessed
-FEWEST = SETTINGS.noise.fewest
-GAP = SETTINGS.noise.gap
-OFF = SETTINGS.noise.off
-ON_GRID = SETTINGS.noise.on_grid
+DECLARED_ERROR = SETTINGS.noise.declared_error
+AGREED_ERRORS = SETTINGS.noise.agreed_errors
+UNKNOWN_ERROR = SETTINGS.noise.unknown_error
+FINEST_STEP = SETTINGS.noise.finest_step
+DIFFERENCE = SETTINGS.noise.difference
+GUESSED_SHARE = SETTINGS.noise.guessed_share
+FEWEST_LEVELS = SETTINGS.noise.fewest_levels
+ROUNDING_GAP = SETTINGS.noise.rounding_gap
+GRID_ERROR = SETTINGS.noise.grid_error
+GRID_SHARE = SETTINGS.noise.grid_share
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,9 +82,9 @@ def combined(
     """
     if declared is None:
         return measured, error, source
-    if abs(np.log(measured / declared)) < AGREES * error:
-        return declared, min(error, DATA_SHEET), "declared"
-    mine, theirs = error**-2, DATA_SHEET**-2
+    if abs(np.log(measured / declared)) < AGREED_ERRORS * error:
+        return declared, min(error, DECLARED_ERROR), "declared"
+    mine, theirs = error**-2, DECLARED_ERROR**-2
     mean = (mine * np.log(measured) + theirs * np.log(declared)) / (mine + theirs)
     return float(np.exp(mean)), (mine + theirs) ** -0.5, source
 
@@ -99,27 +99,31 @@ def _beside_steps(values, measured: float, declared: float | None) -> float:
 def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
     """Of a channel whose noise the data do not show: a declaration, the steps, or a bound."""
     if least > 0:  # a channel that rests on one step
-        return float(np.hypot(max(declared or 0.0, least), least)), DATA_SHEET, "steps"
+        return float(np.hypot(max(declared or 0.0, least), least)), DECLARED_ERROR, "steps"
     if declared is not None:
-        return declared, DATA_SHEET, "declared"
-    return _upper(values), UNKNOWN, "unknown"
+        return declared, DECLARED_ERROR, "declared"
+    return _upper(values), UNKNOWN_ERROR, "unknown"
 
 
 def _upper(values: list[np.ndarray]) -> float:
     """An upper bound of the white noise, a share of the channel where differences show none."""
-    return _rough(values) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED) or 1.0
+    return (
+        _rough(values)
+        or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED_SHARE)
+        or 1.0
+    )
 
 
 def _rough(values: list[np.ndarray]) -> float:
     """The quieter half of differences of a high order as a 1-sigma; 0 of a channel that stands."""
-    squares = [noise_squares(v, ORDER) for v in values if len(v) > ORDER + 1]
+    squares = [noise_squares(v, DIFFERENCE) for v in values if len(v) > DIFFERENCE + 1]
     return float(np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1))) if squares else 0.0
 
 
 def shown_step(values: list[np.ndarray], noise: float) -> float:
     """`step_of` a channel, 0 too where a `noise` of that 1-sigma hides its steps."""
     quantum = step_of(values)
-    return quantum if quantum > FINEST * noise else 0.0
+    return quantum if quantum > FINEST_STEP * noise else 0.0
 
 
 def step_of(values: list[np.ndarray]) -> float:
@@ -129,15 +133,15 @@ def step_of(values: list[np.ndarray]) -> float:
     two of them may be neighbours.
     """
     levels = np.unique(np.concatenate(values))
-    if len(levels) < FEWEST:
+    if len(levels) < FEWEST_LEVELS:
         return 0.0
     gaps = np.diff(levels)
     apart = np.diff(np.unique(gaps))
     for differences in (gaps, apart):
-        usable = differences[differences > GAP * np.median(gaps)]
+        usable = differences[differences > ROUNDING_GAP * np.median(gaps)]
         step = float(np.min(usable, initial=np.inf))
         counts = np.round(gaps / step)
-        if np.isfinite(step) and np.mean(np.abs(gaps / step - counts) < OFF) > ON_GRID:
+        if np.isfinite(step) and np.mean(np.abs(gaps / step - counts) < GRID_ERROR) > GRID_SHARE:
             return float(np.sum(gaps) / np.sum(counts))  # a file's digits bend a single one
     return 0.0
 

@@ -12,17 +12,21 @@ from ..vibration import natural_frequencies
 from ._machine import FLOOR_LINES, Context, candidates
 from ._settings import SETTINGS
 
-PERIOD = SETTINGS.room.period
-LEAST = SETTINGS.room.least
+PERIOD_SAMPLES = SETTINGS.room.period_samples
+FEWEST_SAMPLES = SETTINGS.room.fewest_samples
 TABLES = 7  # arrays with a row a candidate that a search holds at once: measured, at most
 DEFLECTION = SETTINGS.room.deflection
 
 
 def check_room(case: Case, laws: dict[str, Any]) -> None:
     """`InputError` where a run is too short or all are too long; a warning from half the memory."""
-    short = [f"{run.path.name} has {len(run.time)}" for run in case.runs if len(run.time) < LEAST]
+    short = [
+        f"{run.path.name} has {len(run.time)}"
+        for run in case.runs
+        if len(run.time) < FEWEST_SAMPLES
+    ]
     if short:
-        raise InputError(f"{case.path}: a run needs {LEAST} samples: {', '.join(short)}.")
+        raise InputError(f"{case.path}: a run needs {FEWEST_SAMPLES} samples: {', '.join(short)}.")
     need, free = memory_of(case, laws), available()
     if need <= SHARE * free:
         return
@@ -42,7 +46,7 @@ def _less(case: Case, few: int) -> str:
     step = max(run.step for run in case.runs)
     short = f"`--first {longest:.3g}s` uses so much of every run"
     slowest = float(np.min(natural_frequencies(case.rig)))
-    if few * step * slowest * PERIOD > 1:
+    if few * step * slowest * PERIOD_SAMPLES > 1:
         return f"{short} (one sample in {few} is too few for the sphere's mode at {slowest:.3g} Hz)"
     return f"`--thin {few}` keeps one sample in {few}, {short}"
 

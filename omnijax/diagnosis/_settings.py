@@ -17,8 +17,8 @@ import dataclasses
 class AxisCaseSettings:
     """`diagnose` of an axis or of a machine of the user's."""
 
-    started: int = 20  # samples that the benchmark of EMPS gives to a start
-    rounds: int = 4  # steps of the refit by which a log's hold is judged once more: time
+    skipped_samples: int = 20  # samples that the benchmark of EMPS gives to a start
+    hold_steps: int = 4  # steps of the refit by which a log's hold is judged once more: time
     relative: float = 1e-3  # of the cost, below whose fall it ends: time
 
 
@@ -27,27 +27,29 @@ class DiagnoseSettings:
     """`diagnose`: a case in, a verdict with its evidence out."""
 
     window: float = 1.0  # s, after which Omega and the rolled lengths of a rig start anew
-    mostly: float = 1.25  # RMS of a channel over its white part, below which all of it is noise
-    errors: float = 4.0  # 1-sigma of a measured level, up to which the model may show more
-    slack: float = 0.05  # share of the level that is allowed beside those `errors`
-    above: float = 2.0  # factor over a declared or assumed level, up to which the model may show
+    # RMS of a channel over its white part, below which all of it is noise
+    white_ratio: float = 1.25
+    level_errors: float = 4.0  # 1-sigma of a measured level, up to which the model may show more
+    level_share: float = 0.05  # share of the level that is allowed beside those `errors`
+    # factor over a declared or assumed level, up to which the model may show
+    assumed_factor: float = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
 class NoiseSettings:
     # relative 1-sigma of a declared noise: "to some ten per cent, or to a factor"
-    data_sheet: float = 0.3
-    agrees: float = 4.0  # standard errors within which a declaration is kept as it is
+    declared_error: float = 0.3
+    agreed_errors: float = 4.0  # standard errors within which a declaration is kept as it is
     # relative 1-sigma of a noise of which nothing is known but an upper bound
-    unknown: float = 1.0
+    unknown_error: float = 1.0
     # steps of a quantised channel, in sigma, below which they are part of the noise
-    finest: float = 0.3
-    order: int = 7  # of differences that leave of a motion its noise
-    guessed: float = 1e-3  # of a channel's RMS, where they leave nothing: upper bound
-    fewest: int = 3  # levels of a quantised channel
-    gap: float = 1e-3  # of the usual gap between levels, below which a gap is rounding
-    off: float = 0.02  # of a step, by which a gap may be off a whole number of them
-    on_grid: float = 0.95  # of the gaps, that must be such numbers
+    finest_step: float = 0.3
+    difference: int = 7  # of differences that leave of a motion its noise
+    guessed_share: float = 1e-3  # of a channel's RMS, where they leave nothing: upper bound
+    fewest_levels: int = 3  # levels of a quantised channel
+    rounding_gap: float = 1e-3  # of the usual gap between levels, below which a gap is rounding
+    grid_error: float = 0.02  # of a step, by which a gap may be off a whole number of them
+    grid_share: float = 0.95  # of the gaps, that must be such numbers
     # 1-sigma of channels without noise over their RMS: the fit's own numerics stay a tenth below
     free_elastic: float = 0.02  # dR and a
     free_turning: float = 2e-4
@@ -57,8 +59,8 @@ class NoiseSettings:
 @dataclasses.dataclass(frozen=True)
 class RoomSettings:
     # samples that a period of the slowest mode, at which the sphere shakes, must keep
-    period: int = 10
-    least: int = 100  # samples of a run; fewer tell nothing of a machine's frequencies
+    period_samples: int = 10
+    fewest_samples: int = 100  # samples of a run; fewer tell nothing of a machine's frequencies
     deflection: float = 1e-6  # m; the number of candidates does not hang on it
 
 
@@ -819,10 +821,10 @@ class FreeUndecidedSettings:
 class AnswerLearnedSettings:
     """A learned, uninterpreted term on one port, where no known effect closes the gap."""
 
-    far: float = 10.0  # RMS: beyond that a term is not followed
-    kept: float = 0.01  # share of the held-out gap that the network has to add
+    followed_to: float = 10.0  # RMS: beyond that a term is not followed
+    network_share: float = 0.01  # share of the held-out gap that the network has to add
     # share of the misfit that a round must take away to be followed by another
-    enough: float = 1e-3
+    round_gain: float = 1e-3
     rounds: int = 5  # of a refit of the term and the machine together
     inner: int = 5  # steps of the term in each: time
     hidden: int = 6  # nodes of the network
@@ -830,25 +832,26 @@ class AnswerLearnedSettings:
     # itself, so far from its end only short steps may
     dampings: tuple[float, ...] = (1.0, 30.0, 1e3, 3e4, 1e6)
     step: float = 1e-3  # prior sigmas, of a difference
-    shown: float = 2.5  # RMS of an input, to each side of 0, over which a term is drawn
+    drawn_to: float = 2.5  # RMS of an input, to each side of 0, over which a term is drawn
     points: int = 101  # of a curve
     grid: int = 41  # of a map, to each side
-    drawn: int = 4000  # rows that say on which inputs it hangs most: time
-    others: int = 50  # of them over which a curve is a mean: time
-    waves: int = 4  # harmonics of a wheel's angle in the basis
+    drawn_rows: int = 4000  # rows that say on which inputs it hangs most: time
+    mean_rows: int = 50  # of them over which a curve is a mean: time
+    angle_harmonics: int = 4  # harmonics of a wheel's angle in the basis
     # RMS of a command, at which functions of it bend: octaves, as a sum of two neighbours bends
     # nearly anywhere between, from a motor's dead zone to where it saturates
     knees: tuple[float, ...] = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0)
-    shapes: int = 8  # of them in a wheel's shape, beside those of its pitch
-    laws: int = 12  # of the library's that act there, asked how near they come: time
+    shape_harmonics: int = 8  # of them in a wheel's shape, beside those of its pitch
+    near_laws: int = 12  # of the library's that act there, asked how near they come: time
     nearest: int = 2  # of them drawn
-    alike: float = 0.5  # cosine with what the term does, below which a law is not near
-    matters: float = 0.1  # of the strongest part's change, below which a part is not drawn
-    apart: float = 1e-6  # of a function's square beside those that are in: less tells nothing
-    sharp: float = 20.0  # of the speed's RMS in one: how steeply the basis knows its sign
+    near_cosine: float = 0.5  # cosine with what the term does, below which a law is not near
+    drawn_part: float = 0.1  # of the strongest part's change, below which a part is not drawn
+    # of a function's square beside those that are in: less tells nothing
+    least_square: float = 1e-6
+    sign_sharpness: float = 20.0  # of the speed's RMS in one: how steeply the basis knows its sign
     # on columns of length 1
-    ridge: float = 1e-6  # of the smooth basis
-    network: float = 1e-3
+    basis_ridge: float = 1e-6  # of the smooth basis
+    network_ridge: float = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -856,28 +859,28 @@ class AnswerResultSettings:
     """What a diagnosis returns, and the file in which it is written."""
 
     # times the noise (1 sigma beside it): above this something else is missing too
-    remains: float = 1.4
-    determined: float = 0.7  # prior sigmas, below which the runs have told a parameter
+    remaining_ratio: float = 1.4
+    determined_sigma: float = 0.7  # prior sigmas, below which the runs have told a parameter
     # of chi2 by the noise that is left, which one more step promises: a number moves by 1 sigma
-    unended: float = 1.0
+    unended_fall: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
 class RigEvidenceSettings:
     """The sphere on its wheels as evidence."""
 
-    clearly: float = 4.0  # 1-sigma by which a clock has to be off to be spoken of
+    clock_sigmas: float = 4.0  # 1-sigma by which a clock has to be off to be spoken of
 
 
 @dataclasses.dataclass(frozen=True)
 class ShownSettings:
     """The noise that the data show once all that is known is in, beside what was declared."""
 
-    matters: float = 0.1  # share by which a level may be off before the search is made again
-    structure: float = 0.09  # power over the noise's, by what hangs on a state: 0.3 sigma
-    off: float = 0.03  # share by which a level has to be off to be mended
-    surely: float = 4.0  # standard errors of the same
-    told: float = 3.0  # of them, from which a declared level is said to be another one
+    search_again: float = 0.1  # share by which a level may be off before the search is made again
+    structure_power: float = 0.09  # power over the noise's, by what hangs on a state: 0.3 sigma
+    level_share: float = 0.03  # share by which a level has to be off to be mended
+    level_errors: float = 4.0  # standard errors of the same
+    told_errors: float = 3.0  # of them, from which a declared level is said to be another one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -885,7 +888,7 @@ class SizesSettings:
     """What the held-out runs leave unexplained at every size of a named effect."""
 
     shares: tuple[float, ...] = (0.25, 0.5, 0.75, 1.25, 1.5)  # of the found size, beside 0 and 1
-    kept: float = 0.8  # of the difference's power that means over blocks have to keep
+    kept_power: float = 0.8  # of the difference's power that means over blocks have to keep
 
 
 @dataclasses.dataclass(frozen=True)
@@ -893,7 +896,7 @@ class StretchesSettings:
     """Stretches of a held-out run that lie farther off than any noise of their channel."""
 
     rate: float = 0.01  # false discoveries that are accepted, as in `where`
-    fewest: int = 3  # samples: one or two beside each other are a shock or a bad reading
+    fewest_samples: int = 3  # samples: one or two beside each other are a shock or a bad reading
 
 
 @dataclasses.dataclass(frozen=True)
@@ -901,10 +904,11 @@ class VerdictSettings:
     """The four answers: none, named, ambiguous, unknown."""
 
     excess: float = 0.3  # sigma: below this in every channel, simulation and data agree
-    surely: float = 5.0  # 1-sigma, by which held-out runs may show another size: chosen
+    size_sigmas: float = 5.0  # 1-sigma, by which held-out runs may show another size: chosen
     # share of the held-out gap that a named set has to close: right ones closed 0.998 and more
     closing: float = 0.99  # (prototype), a hard limit in place of a soft one 0.977 (own cases)
-    alike: float = 0.05  # share by which held-out runs may show a named effect at another size
+    # share by which held-out runs may show a named effect at another size
+    size_tolerance: float = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
@@ -915,8 +919,8 @@ class ExperimentSettings:
     spin_up: float = 0.5  # s, of them until the wheels turn at speed
     times: tuple[float, ...] = (0.0, 1.2, 1.5, 2.7, 3.2, 5.0)  # s, between which a turn's speed is
     levels: tuple[float, ...] = (0.25, 0.25, 0.5, 0.5, -1.0, -1.0)  # so many times the top one
-    slowly: tuple[float, ...] = (0.2, 0.3, 0.4)  # Hz, of turns about all axes at once
-    fast: tuple[float, ...] = (0.7, 0.9, 1.2)
+    slow_rates: tuple[float, ...] = (0.2, 0.3, 0.4)  # Hz, of turns about all axes at once
+    fast_rates: tuple[float, ...] = (0.7, 0.9, 1.2)
     written: float = 0.02  # s, between the torques that are written down
     halvings: int = 4  # of a run in which a rival runs away: half as fast, or half as large
 
@@ -936,8 +940,9 @@ class UnlistedSettings:
     wheel_inertia: float = 0.2
     wheel_mass: float = 0.2
     step: float = 0.02  # of that, over which differences are taken
-    worth: float = 0.5  # share of the gap that must follow to first order for a refit: time
-    tried: int = 2  # of which the best are refitted: time
+    # share of the gap that must follow to first order for a refit: time
+    followed_share: float = 0.5
+    refitted: int = 2  # of which the best are refitted: time
 
 
 @dataclasses.dataclass(frozen=True)

@@ -162,7 +162,7 @@ def baseline_table(outcome: SearchResult, fit: Fit, dof: int) -> list[dict[str, 
             "sigma": None if at_end else float(own * (abs(last) if prior.relative else 1.0)),
             "absorbed": float(np.log(first / last) if prior.relative else first - last),
             "relative": prior.relative,
-            "determined": bool(sigma[k] < SETTINGS.answer_result.determined and not at_end),
+            "determined": bool(sigma[k] < SETTINGS.answer_result.determined_sigma and not at_end),
             "at_bound": at_end,
         })  # fmt: skip
     return out
@@ -267,7 +267,7 @@ def unended(model: AbstractModel, fit: Fit) -> list[str]:
         return []
     _, cost = predicted(model, fit.point, fit.residual, fit.jacobian)
     fall = fit.cost - cost
-    if fall < SETTINGS.answer_result.unended * max(1.0, fit.chi2 / model.dof("train")):
+    if fall < SETTINGS.answer_result.unended_fall * max(1.0, fit.chi2 / model.dof("train")):
         return []
     return [
         f"The last refit had not come to its end: one more step promises to lower its chi2 of "

@@ -62,7 +62,7 @@ class AbstractEvidence(abc.ABC):
     noise: Mapping[str, Any]
     faults: list[str]
     closing: float = SETTINGS.verdict.closing
-    alike: float = SETTINGS.verdict.alike
+    alike: float = SETTINGS.verdict.size_tolerance
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
     reweighs: bool = False  # whether it may be `renoised`
     asks_all: bool = False  # whether fitted runs are asked too for what is no noise

@@ -18,8 +18,8 @@ SECONDS = SETTINGS.experiment.seconds
 SPIN_UP = SETTINGS.experiment.spin_up
 TIMES = SETTINGS.experiment.times
 LEVELS = SETTINGS.experiment.levels
-SLOWLY = SETTINGS.experiment.slowly
-FAST = SETTINGS.experiment.fast
+SLOW_RATES = SETTINGS.experiment.slow_rates
+FAST_RATES = SETTINGS.experiment.fast_rates
 WRITTEN = SETTINGS.experiment.written
 
 
@@ -33,7 +33,7 @@ def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
         * np.outer(inside * level, unit)
         for axis, unit in zip("xyz", np.eye(3), strict=True)
     }
-    for words, rates in (("slowly", SLOWLY), ("fast", FAST)):
+    for words, rates in (("slowly", SLOW_RATES), ("fast", FAST_RATES)):
         waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
         motions[f"turn about all axes at once, {words} reversed"] = (
             top / np.sqrt(2) * inside[:, None] * waves

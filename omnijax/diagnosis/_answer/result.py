@@ -17,7 +17,7 @@ from .._settings import SETTINGS
 from .judges import JUDGES, Judges
 from .named_effect import Named, OutputGap, alternatives
 
-REMAINS = SETTINGS.answer_result.remains
+REMAINING_RATIO = SETTINGS.answer_result.remaining_ratio
 
 
 @dataclasses.dataclass(repr=False)
@@ -75,7 +75,7 @@ class Diagnosis(AbstractShown):
         beside them that no known effect explains.
         """
         left = {k: g.after / g.noise_floor for k, g in self.gap.items()}
-        open_ = [f"{k} {ratio:.2g}" for k, ratio in left.items() if ratio > REMAINS]
+        open_ = [f"{k} {ratio:.2g}" for k, ratio in left.items() if ratio > REMAINING_RATIO]
         if self.verdict not in ("named", "ambiguous") or not open_:
             return ""
         return (

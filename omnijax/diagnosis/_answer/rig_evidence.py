@@ -24,7 +24,7 @@ from .channels import channel_index, channel_names
 from .evidence import AbstractEvidence, Unlisted
 from .gap import UNITS
 
-CLEARLY = SETTINGS.rig_evidence.clearly
+CLOCK_SIGMAS = SETTINGS.rig_evidence.clock_sigmas
 
 
 class RigEvidence(AbstractEvidence):
@@ -199,7 +199,7 @@ class RigEvidence(AbstractEvidence):
             sigma = np.array([model.priors[k].sigma for k in own])
             numbers = np.array([model.priors[k].at(fit.point.u[k]) for k in own])
             spread = covariance[np.ix_(own, own)] * np.outer(sigma, sigma)
-            clear = np.abs(numbers) >= CLEARLY * np.sqrt(np.diag(spread))
+            clear = np.abs(numbers) >= CLOCK_SIGMAS * np.sqrt(np.diag(spread))
             if not clear.any():
                 continue
             ends = any(model.priors[k].at_bound(fit.point.u[k]) for k in own)

@@ -12,11 +12,11 @@ from .._search import Level, Point, levels
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 
-MATTERS = SETTINGS.shown.matters
-STRUCTURE = SETTINGS.shown.structure
-OFF = SETTINGS.shown.off
-SURELY = SETTINGS.shown.surely
-TOLD = SETTINGS.shown.told
+SEARCH_AGAIN = SETTINGS.shown.search_again
+STRUCTURE_POWER = SETTINGS.shown.structure_power
+LEVEL_SHARE = SETTINGS.shown.level_share
+LEVEL_ERRORS = SETTINGS.shown.level_errors
+TOLD_ERRORS = SETTINGS.shown.told_errors
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,12 +41,12 @@ class Shown:
     @property
     def structured(self) -> list[str]:
         """Channels in which more than the noise hangs on the machine's state in held-out runs."""
-        return [c for c, power in self.structure.items() if power > STRUCTURE]
+        return [c for c, power in self.structure.items() if power > STRUCTURE_POWER]
 
     @property
     def structured_in_fitted_runs(self) -> list[str]:
         """The same in fitted runs."""
-        return [c for c, power in self.fitted.items() if power > STRUCTURE]
+        return [c for c, power in self.fitted.items() if power > STRUCTURE_POWER]
 
     def ratio(self, channel: str, split: str | None = None) -> float:
         """1-sigma of a channel over the assumed one, RMS over a split's samples (None: all)."""
@@ -87,7 +87,7 @@ class Shown:
     def matters(self) -> bool:
         """Whether the assumed noise is so wrong that a search hangs on it."""
         return any(
-            x.colour != "white" or abs(np.log(x.ratio)) > MATTERS
+            x.colour != "white" or abs(np.log(x.ratio)) > SEARCH_AGAIN
             for run in self.changes for x in run.values()
         )  # fmt: skip
 
@@ -115,7 +115,7 @@ def wrong(level: Level) -> bool:
     if not np.isfinite(level.ratio) or level.ratio <= 0:
         return False
     far = abs(np.log(level.ratio))
-    return level.colour != "white" or far > max(OFF, SURELY * level.error)
+    return level.colour != "white" or far > max(LEVEL_SHARE, LEVEL_ERRORS * level.error)
 
 
 class Left(NamedTuple):
@@ -173,7 +173,7 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
     }  # fmt: skip
     moved = {
         evidence.subsystem(c) for structure in by_split.values()
-        for c, power in structure.items() if power > STRUCTURE
+        for c, power in structure.items() if power > STRUCTURE_POWER
     }  # fmt: skip
     table: list[dict[str, Level]] = [{} for _ in runs]
     for channel in names:
@@ -218,7 +218,7 @@ class Standing(NamedTuple):
 
 def _more_than_white(channels: dict[str, np.ndarray]) -> bool:
     """Whether some channel holds as much beside its white part as counts as structure."""
-    most = float(np.sqrt(1 + STRUCTURE))
+    most = float(np.sqrt(1 + STRUCTURE_POWER))
     return any(
         np.sqrt(np.nanmean(x**2)) > most * levels([x], False)[0].ratio for x in channels.values()
     )
@@ -230,7 +230,7 @@ def _beside(level: Level, most: float) -> Level:
     Where noise was weighed by a spectrum that holds the discovery, differences of a high order see
     no less than that.
     """
-    if not 0 < most < level.ratio / (1 + MATTERS):
+    if not 0 < most < level.ratio / (1 + SEARCH_AGAIN):
         return level
     return level.white(most)
 
@@ -270,7 +270,11 @@ def noise_remarks(table: dict[str, dict[str, Any]]) -> list[str]:
     said, most = [], []
     for channel, x in table.items():
         d, s, bound = x["declared"], x["shown"], x["at_most"]
-        if d and abs(np.log(s / d)) > max(OFF, TOLD * x["sigma"] / s) and (s < d or not bound):
+        if (
+            d
+            and abs(np.log(s / d)) > max(LEVEL_SHARE, TOLD_ERRORS * x["sigma"] / s)
+            and (s < d or not bound)
+        ):
             shown = f"shown {'at most ' if bound else ''}{s:.3g} {x['unit']}"
             said.append(f"{channel}: declared {d:.3g} {x['unit']}, {shown}")
         elif bound:

@@ -125,7 +125,7 @@ def _gram(evidence: AbstractEvidence, residuals: Sequence[np.ndarray]) -> dict[s
 
 
 POINTS = 700  # of the trace
-KEPT = SETTINGS.sizes.kept
+KEPT_POWER = SETTINGS.sizes.kept_power
 
 
 def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> ResidualTrace:
@@ -143,7 +143,7 @@ def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> Re
     whole = len(time) // block * block
     means = table[:, :whole].reshape(len(table), -1, block).mean(axis=2)
     moved, kept = table[0] - table[without], block * np.sum((means[0] - means[without]) ** 2)
-    if kept >= KEPT * float(moved @ moved):
+    if kept >= KEPT_POWER * float(moved @ moved):
         times = time[:whole].reshape(-1, block).mean(axis=1)
         return ResidualTrace(channel, unit, times, means)
     power = np.concatenate([[0.0], np.cumsum(moved**2)])

@@ -13,7 +13,7 @@ from .evidence import AbstractEvidence
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
 RATE = SETTINGS.stretches.rate
-FEWEST = SETTINGS.stretches.fewest
+FEWEST_SAMPLES = SETTINGS.stretches.fewest_samples
 
 
 class Stretch(NamedTuple):
@@ -62,7 +62,7 @@ def stretches(evidence: AbstractEvidence, before: Columns, after: Columns) -> li
     for (k, c, x, bare), rms, side in zip(left, sigma, sides, strict=True):
         name, time = runs[k]
         for here in np.split(np.arange(len(x)), np.flatnonzero(np.diff(side)) + 1):
-            if side[here[0]] and len(here) >= FEWEST:
+            if side[here[0]] and len(here) >= FEWEST_SAMPLES:
                 most = float(np.abs(x[here]).max())
                 closed = 1 - float(x[here] @ x[here]) / max(float(bare[here] @ bare[here]), 1e-300)
                 out.append(

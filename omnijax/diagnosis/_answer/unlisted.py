@@ -19,8 +19,8 @@ PATHS = ("sphere.inertia", "sphere.mass", "sphere.radius", "platform.mass", "whe
          "wheel.roundness", "wheel.inertia", "wheel.mass")  # fmt: skip
 TOLERANCES = {path: getattr(SETTINGS.unlisted, path.replace(".", "_")) for path in PATHS}
 STEP = SETTINGS.unlisted.step
-TRIED = SETTINGS.unlisted.tried
-WORTH = SETTINGS.unlisted.worth
+REFITTED = SETTINGS.unlisted.refitted
+FOLLOWED_SHARE = SETTINGS.unlisted.followed_share
 
 
 def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
@@ -44,7 +44,7 @@ def unlisted(model: RigModel, fit: Fit, closing: float) -> list[Unlisted]:
     }  # fmt: skip
     groups = {path: priors for path, priors in groups.items() if priors}
     out = []
-    for path in _promising(model, fit, groups)[:TRIED]:
+    for path in _promising(model, fit, groups)[:REFITTED]:
         wider = _with(model, groups[path])
         start = Point(np.concatenate([fit.point.u, np.zeros(len(groups[path]))]))
         _, refitted = refits_about(wider, start, 2)
@@ -87,7 +87,7 @@ def _promising(model: RigModel, fit: Fit, groups: dict[str, list[Prior]]) -> lis
         shift = np.linalg.lstsq(own, -left, rcond=None)[0]
         gains[path] = float(left @ left) - float(np.sum((left + own @ shift) ** 2))
         at += len(priors)
-    worth = [path for path, gain in gains.items() if gain > WORTH * gap]
+    worth = [path for path, gain in gains.items() if gain > FOLLOWED_SHARE * gap]
     return sorted(worth, key=lambda path: -gains[path])
 
 

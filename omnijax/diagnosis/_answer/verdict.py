@@ -14,7 +14,7 @@ from .shown import Shown
 from .stretches import Stretch
 
 EXCESS = SETTINGS.verdict.excess
-SURELY = SETTINGS.verdict.surely
+SIZE_SIGMAS = SETTINGS.verdict.size_sigmas
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
@@ -181,7 +181,7 @@ def of_another_size(outcome: SearchResult, alike: float) -> str:
     there 1 time, with the variances of noise on both splits over d.d.  A law that stands for
     another one has the size that the fitted runs gave it, and elsewhere another.
     """
-    worst, said = SURELY, ""
+    worst, said = SIZE_SIGMAS, ""
     for i, (less, _) in outcome.alone.items():
         held, gain = outcome.shows[i], less.cost - outcome.fit.cost
         if not (gain > 0 and np.isfinite(held.gain) and held.size > 0):

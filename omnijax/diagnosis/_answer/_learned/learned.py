@@ -27,11 +27,11 @@ from .term import Term
 from .term_fit import Curve, TermFit, Unexplained
 from .term_port import AbstractPort, TermGrid, axes_of
 
-KEPT = SETTINGS.answer_learned.kept
-SHOWN = SETTINGS.answer_learned.shown
-MATTERS = SETTINGS.answer_learned.matters
+NETWORK_SHARE = SETTINGS.answer_learned.network_share
+DRAWN_TO = SETTINGS.answer_learned.drawn_to
+DRAWN_PART = SETTINGS.answer_learned.drawn_part
 GRID = SETTINGS.answer_learned.grid
-DRAWN = SETTINGS.answer_learned.drawn
+DRAWN_ROWS = SETTINGS.answer_learned.drawn_rows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,10 +105,10 @@ def learn(
         return None
     best = min(fittings, key=lambda f: f.cost)
     kept, wide = best, None
-    if best.closed < 1 - KEPT and best.port.networked:  # else it has too little to add
+    if best.closed < 1 - NETWORK_SHARE and best.port.networked:  # else it has too little to add
         wide = TermFit(model, around, best.term.port).run(best)
         tell(f"with a network beside it: {100 * wide.closed:.0f} %")
-        kept = wide if wide.closed > best.closed + KEPT else best
+        kept = wide if wide.closed > best.closed + NETWORK_SHARE else best
     network = None if wide is None else wide.closed
     grids = [kept.grid(i) for i in kept.strongest()]
     curves = {_drawn_as(kept.port, grid): kept.curve(grid) for grid in grids}
@@ -169,14 +169,14 @@ def _map(fitting: TermFit) -> dict | None:
 
     None where it hangs on one alone.
     """
-    term, u = fitting.term, fitting.some_inputs(DRAWN)
+    term, u = fitting.term, fitting.some_inputs(DRAWN_ROWS)
     force = term.force(u)
     i = int(np.argmax(np.sum(force**2, axis=0)))
     missed = fitting.missed(u, i, range(u.shape[1]))
     a, b = np.argsort(missed)[::-1][:2]
-    if not missed[b] > MATTERS**2 * missed[a]:
+    if not missed[b] > DRAWN_PART**2 * missed[a]:
         return None
-    x = np.linspace(-SHOWN, SHOWN, GRID)
+    x = np.linspace(-DRAWN_TO, DRAWN_TO, GRID)
     grid = np.zeros((x.size**2, u.shape[1]))
     grid[:, a], grid[:, b] = np.repeat(x, x.size), np.tile(x, x.size)
     labels, units = term.port.labels(), term.port.input_units()

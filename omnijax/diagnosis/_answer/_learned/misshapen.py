@@ -19,7 +19,7 @@ from ..._search import (
 from ..._settings import SETTINGS
 from ..evidence import Misshapen
 from .learned import ports_of
-from .term_fit import FAR, RIDGE, pushed, worthwhile
+from .term_fit import FOLLOWED_TO, RIDGE, pushed, worthwhile
 from .term_port import AbstractPort
 
 CHANCE = SETTINGS.steadiness.chance
@@ -69,7 +69,7 @@ def _own_functions(
     for split, some in bases.items():
         tables = []
         for base, raw in zip(some, inputs[split], strict=True):
-            u = np.clip(raw / scales, -FAR, FAR)
+            u = np.clip(raw / scales, -FOLLOWED_TO, FOLLOWED_TO)
             own = [x for x in port.columns(u) if x[0] in parts and x[1] in port.own_functions(x[0])]
             outputs = [values[:, None] * (np.arange(len(port.parts)) == i) for i, _, values in own]
             table = np.empty((len(own), model.machine.rows[base.index].size))

@@ -10,9 +10,9 @@ from ..._orthonormal import orthonormal_of_many_rows
 from ..._search import AbstractModel, Point, Score
 from ..._settings import SETTINGS
 
-LAWS = SETTINGS.answer_learned.laws
+NEAR_LAWS = SETTINGS.answer_learned.near_laws
 NEAREST = SETTINGS.answer_learned.nearest
-ALIKE = SETTINGS.answer_learned.alike
+NEAR_COSINE = SETTINGS.answer_learned.near_cosine
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ def near_laws(
     (rows, numbers) of the baseline can.
     """
     live = sorted((s for s in scores if not s.dead), key=lambda s: -s.gain)
-    some = [s.candidate for s in live[:LAWS]]
+    some = [s.candidate for s in live[:NEAR_LAWS]]
     if not some:
         return []
     known = orthonormal_of_many_rows(tangents)
@@ -56,7 +56,7 @@ def near_laws(
         A = A - known @ (known.T @ A)
         sizes = np.linalg.lstsq(A, done, rcond=None)[0]
         cosine = float(np.linalg.norm(A @ sizes) / max(np.linalg.norm(done), 1e-300))
-        if cosine > ALIKE and candidate.allowed(sizes):
+        if cosine > NEAR_COSINE and candidate.allowed(sizes):
             values = {k: np.asarray(v).tolist() for k, v in candidate.decode(sizes).items()}
             out.append(NearLaw(candidate.id, candidate.place, values, cosine))
     return sorted(out, key=lambda x: -x.cosine)[:NEAREST]

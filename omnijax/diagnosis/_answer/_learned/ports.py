@@ -32,8 +32,8 @@ from .term_port import (
     waves,
 )
 
-WAVES = SETTINGS.answer_learned.waves
-SHARP = SETTINGS.answer_learned.sharp
+ANGLE_HARMONICS = SETTINGS.answer_learned.angle_harmonics
+SIGN_SHARPNESS = SETTINGS.answer_learned.sign_sharpness
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,10 +127,10 @@ class ShaftPort(AbstractWheelPort):
         for i, name in enumerate(self.wheels):
             w, command = u[:, i], u[:, n + i]
             own = {f"ω of {name}": w, f"command of {name}": command}
-            own |= {"sign": np.tanh(SHARP * w), **powers(w, u[:, -1]), "constant": one}
+            own |= {"sign": np.tanh(SIGN_SHARPNESS * w), **powers(w, u[:, -1]), "constant": one}
             bends = cuts(command) | powers(command, u[:, -1])
             own |= {f"command, {label}": x for label, x in bends.items()}
-            own |= waves(u[:, 3 * n + i], u[:, 2 * n + i], range(1, WAVES + 1))
+            own |= waves(u[:, 3 * n + i], u[:, 2 * n + i], range(1, ANGLE_HARMONICS + 1))
             out += [(i, label, x) for label, x in own.items()]
         return out
 
@@ -183,7 +183,7 @@ class SpherePort(AbstractPort):
         speed, out = np.linalg.norm(u[:, :3], axis=1), []
         for i, axis in enumerate(AXES):
             w = u[:, i]
-            own = {f"Ω_{axis}": w, "sign": np.tanh(SHARP * w), f"|Ω| Ω_{axis}": speed * w}
+            own = {f"Ω_{axis}": w, "sign": np.tanh(SIGN_SHARPNESS * w), f"|Ω| Ω_{axis}": speed * w}
             own |= powers(w, u[:, -1]) | {f"Ω_{a}": u[:, k] for k, a in enumerate(AXES)}
             own |= {label: u[:, 3 + k] for k, label in enumerate(self.labels()[3:12])}
             out += [(i, label, x) for label, x in own.items()]

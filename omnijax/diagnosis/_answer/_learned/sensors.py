@@ -13,7 +13,7 @@ from ..channels import channel_index
 from ..gap import UNITS
 from .term_port import AXES, BENDS, POINTS, AbstractPort, TermGrid, powers, waves
 
-WAVES = SETTINGS.answer_learned.waves
+ANGLE_HARMONICS = SETTINGS.answer_learned.angle_harmonics
 MOVING = ("dR", "a", "Omega")  # groups of three axes
 ANGLES = 2 * len(MOVING) * len(AXES)  # inputs before those of the wheels' angles
 
@@ -68,7 +68,7 @@ class SensorPort(AbstractPort):
         for i, channel in enumerate(self.channels):
             k = self.own(i)
             if channel.startswith("theta"):
-                own = waves(u[:, k + self.size], u[:, k], range(1, WAVES + 1))
+                own = waves(u[:, k + self.size], u[:, k], range(1, ANGLE_HARMONICS + 1))
             else:
                 x, group = u[:, k], 3 * (k // 3)
                 beside = {f"{channel.partition('_')[0]}_{a}": u[:, group + j]

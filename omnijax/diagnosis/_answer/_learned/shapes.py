@@ -11,7 +11,7 @@ from ..._machine import FINE, SHAPE, contact_directions, refine, reshaped, shape
 from ..._settings import SETTINGS
 from .term_port import AXES, POINTS, AbstractPort, AbstractWheelPort, TermGrid, memoryless, waves
 
-SHAPES = SETTINGS.answer_learned.shapes
+SHAPE_HARMONICS = SETTINGS.answer_learned.shape_harmonics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ShapePort(AbstractWheelPort):
     def columns(self, u):
         n, out = len(self.wheels), []
         for i, pitches in enumerate(self.pitches):
-            orders = sorted({*range(1, SHAPES + 1), pitches, 2 * pitches})
+            orders = sorted({*range(1, SHAPE_HARMONICS + 1), pitches, 2 * pitches})
             own = waves(u[:, n + i], u[:, i], orders)
             out += [(i, label, x) for label, x in own.items()]
         return out

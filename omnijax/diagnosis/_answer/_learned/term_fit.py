@@ -16,15 +16,18 @@ from .term_port import AbstractPort, TermGrid, axes_of
 
 ROUNDS = SETTINGS.answer_learned.rounds
 INNER = SETTINGS.answer_learned.inner
-FAR = SETTINGS.answer_learned.far
-ENOUGH = SETTINGS.answer_learned.enough
+FOLLOWED_TO = SETTINGS.answer_learned.followed_to
+ROUND_GAIN = SETTINGS.answer_learned.round_gain
 DAMPINGS = SETTINGS.answer_learned.dampings
 STEP = SETTINGS.answer_learned.step
-MATTERS = SETTINGS.answer_learned.matters
-APART = SETTINGS.answer_learned.apart
-DRAWN = SETTINGS.answer_learned.drawn
-OTHERS = SETTINGS.answer_learned.others
-RIDGE = {"basis": SETTINGS.answer_learned.ridge, "network": SETTINGS.answer_learned.network}
+DRAWN_PART = SETTINGS.answer_learned.drawn_part
+LEAST_SQUARE = SETTINGS.answer_learned.least_square
+DRAWN_ROWS = SETTINGS.answer_learned.drawn_rows
+MEAN_ROWS = SETTINGS.answer_learned.mean_rows
+RIDGE = {
+    "basis": SETTINGS.answer_learned.basis_ridge,
+    "network": SETTINGS.answer_learned.network_ridge,
+}
 
 
 class Curve(NamedTuple):
@@ -96,7 +99,7 @@ class TermFit:
         here = self.left(self.term, "train")
         for _ in range(ROUNDS):
             gain, here = self.improve(*here)
-            if gain < ENOUGH:
+            if gain < ROUND_GAIN:
                 break
         if start is None:
             here = self._or_none(*here)
@@ -147,7 +150,7 @@ class TermFit:
 
         Source: partial dependence (Friedman, Greedy function approximation, 2001).
         """
-        some = self.some_inputs(OTHERS)
+        some = self.some_inputs(MEAN_ROWS)
         u = np.repeat(some[:, None], len(grid.x), axis=1)  # (others, points, k)
         for k, values in grid.varied.items():
             u[:, :, k] = values
@@ -163,7 +166,7 @@ class TermFit:
     def grid(self, part: int) -> TermGrid:
         """The grid of the input that a part hangs on most, of those like its own."""
         inputs = self.port.like_own(part)
-        missed = self.missed(self.some_inputs(DRAWN), part, inputs)
+        missed = self.missed(self.some_inputs(DRAWN_ROWS), part, inputs)
         return self.port.grid(part, self.term.scales, inputs[int(np.argmax(missed))])
 
     def missed(self, u: np.ndarray, part: int, inputs: Sequence[int]) -> list[float]:
@@ -186,7 +189,7 @@ class TermFit:
     def strongest(self) -> list[int]:
         """The parts that change the rows most, drawn over one unit, the strongest first."""
         sizes = [np.linalg.norm(self.change([i])) for i in range(len(self.port.parts))]
-        order = [int(i) for i in np.argsort(sizes)[::-1] if sizes[i] >= MATTERS * max(sizes)]
+        order = [int(i) for i in np.argsort(sizes)[::-1] if sizes[i] >= DRAWN_PART * max(sizes)]
         units = [[unit for _, unit in axes_of(self.port, self.grid(i))] for i in order]
         return [i for i, own in zip(order, units, strict=True) if own == units[0]]
 
@@ -198,7 +201,7 @@ class TermFit:
         def one(base: Linearisation):
             felt, force, u = None, np.zeros(0), np.zeros(0)
             for turn in range(INNER):
-                u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
+                u = np.clip(term.port.inputs(base, felt) / term.scales, -FOLLOWED_TO, FOLLOWED_TO)
                 force = term.force(u)
                 felt = term.port.felt(base, force) if turn < INNER - 1 else None
                 if felt is None:
@@ -287,7 +290,7 @@ def worthwhile(gram: np.ndarray, right: np.ndarray, free: np.ndarray, price: flo
             inner = np.linalg.inv(gram[np.ix_(free, free)])
             rest = right - gram[:, free] @ (inner @ right[free])
             apart = length - np.einsum("ka,ab,kb->k", gram[:, free], inner, gram[:, free])
-        new = ~free & (apart > APART * length)
+        new = ~free & (apart > LEAST_SQUARE * length)
         gain = np.where(new, rest**2 / np.where(new, apart, 1.0), 0.0)
         if gain.max() < price:
             break

@@ -17,7 +17,7 @@ from ....rig import Placed
 from ..._machine import Linearisation, along
 from ..._settings import SETTINGS
 
-SHOWN = SETTINGS.answer_learned.shown
+DRAWN_TO = SETTINGS.answer_learned.drawn_to
 POINTS = SETTINGS.answer_learned.points
 KNEES = SETTINGS.answer_learned.knees
 Columns = list[tuple[int, str, np.ndarray]]  # (part, label, values)
@@ -113,7 +113,7 @@ class AbstractPort(abc.ABC):
     def grid(self, part: int, scales: np.ndarray, over: int | None = None) -> TermGrid:
         """The part's own input about 0, or another one."""
         k = self.own(part) if over is None else over
-        x, other = np.linspace(-SHOWN, SHOWN, POINTS), k != self.own(part)
+        x, other = np.linspace(-DRAWN_TO, DRAWN_TO, POINTS), k != self.own(part)
         return TermGrid(part, x * scales[k], {k: x}, self.labels()[k] if other else "")
 
 
