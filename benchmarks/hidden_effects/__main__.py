@@ -2,7 +2,7 @@
 
     python -m benchmarks.hidden_effects run --seeds 0-99 [--kind none] [--out FILE]
     python -m benchmarks.hidden_effects report [--seeds 117-199] [--out FILE] [--write]
-    python -m benchmarks.hidden_effects thresholds --seeds 0-9 [--only margin,sure_sigmas] [--out FILE]
+    python -m benchmarks.hidden_effects thresholds --seeds 0-9 [--only margin,alpha] [--out FILE]
     python -m benchmarks.hidden_effects coverage --seeds 1000-1003 [--count 150] [--out FILE]
 
 Seeds below 100 are for work; published figures come from seeds 100 and up.

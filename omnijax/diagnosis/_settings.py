@@ -128,7 +128,6 @@ class SearchSettings:
     swaps: int = 3  # times an effect may give way to a rival: time
     # times the cost: a rival above it after one round imitates nothing: time
     far_cost: float = 10.0
-    roughly: float = 0.01  # of the cost, below whose fall a refit without effects ends: time
     # standard deviations of chi2 within which what is left is noise: chosen
     noise_sigmas: float = 4.0
     shown_most: int = 12  # of what stands out, in answers
@@ -278,7 +277,6 @@ class LimitsSettings:
     """What the runs exclude: an upper limit for every effect that was not named."""
 
     draws: int = 400  # of strengths with several columns: the limit is then known to 3 %
-    blocks: int = 64
     most_share: float = 1.0  # of a share: that of a gain, above which no limit says anything
 
 
@@ -464,7 +462,6 @@ class EncodersSettings:
 class LocateSettings:
     """Where a rig's prediction and a run disagree: what its residual is asked."""
 
-    step: float = 1e-3  # prior sigmas of a difference
     # share of a change that is left beside constant numbers, below which it is theirs
     own_share: float = 1e-3
     # times what is left: a number whose own size changes a channel by less is not asked
@@ -686,7 +683,6 @@ class FreeExperimentSettings:
     seconds: float = 10.0
     sine_rate: float = 0.2  # Hz, of a sine
     chirp: tuple[float, float] = (0.1, 2.0)  # Hz, between which a sine gets faster
-    written: float = 0.02  # s, between the values that are written down
 
 
 @dataclasses.dataclass(frozen=True)
@@ -700,7 +696,6 @@ class FreeFloorSettings:
     turns: int = 6  # of starts and refits, one after the other, at most
     turn_cost: float = 0.7  # of the misfit that is left at most, for a further turn
     least_direction: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
-    rounds: int = 10  # steps of a refit between two preparations of the data: time
     relative: float = 1e-3  # of the cost, below whose fall it ends: time
     least_correlation: float = 0.05  # autocorrelation below which rows are independent
     longest_lag: float = 0.25  # of the longest run, up to which it is looked at
@@ -732,7 +727,6 @@ class FreeModelSettings:
     start_steps: int = 6  # steps of Gauss and Newton of the windows' starts at a point
     start_parts: tuple[float, ...] = (1.0, 0.3)  # of such a step, that are tried
     start_gain: float = 0.01  # of the squares, that a further one must gain
-    step: float = 1e-3  # prior sigmas, of a difference
     lines: int = 3  # of one law with an order at one place
     # of itself, that a refit may move one: or half of what the travel tells
     order_range: float = 0.03
@@ -763,7 +757,6 @@ class FreeOrdersSettings:
     most_orders: int = 6000
     # share of the rows that a line must pass slowly enough to be seen in them
     slow_rows: float = 0.05
-    seen: float = 0.8  # of half the rows' sampling rate: what their low pass lets through
     least_line: float = 1e-6  # of the strongest line, a shorter one beside it is none
 
 
@@ -792,7 +785,6 @@ class FreeRowsSettings:
 class FreeSensorNoiseSettings:
     """The noise of what the logs of a machine measured, each by itself."""
 
-    orders: tuple[int, ...] = (3, 5, 7)  # differences that leave of a position its noise
     noise_free: float = 1e-6  # of what is measured, as noise where there is none
     level_error: float = 0.05  # relative 1-sigma of the noise's level
     # the highest of the orders' levels over the least, above which there is motion in them: 1.02
@@ -831,7 +823,6 @@ class AnswerLearnedSettings:
     # times the ridge, until a step fits better: the tangents know nothing of what a term feels of
     # itself, so far from its end only short steps may
     dampings: tuple[float, ...] = (1.0, 30.0, 1e3, 3e4, 1e6)
-    step: float = 1e-3  # prior sigmas, of a difference
     drawn_to: float = 2.5  # RMS of an input, to each side of 0, over which a term is drawn
     points: int = 101  # of a curve
     grid: int = 41  # of a map, to each side
@@ -895,7 +886,6 @@ class SizesSettings:
 class StretchesSettings:
     """Stretches of a held-out run that lie farther off than any noise of their channel."""
 
-    rate: float = 0.01  # false discoveries that are accepted, as in `where`
     fewest_samples: int = 3  # samples: one or two beside each other are a shock or a bad reading
 
 

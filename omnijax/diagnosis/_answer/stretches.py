@@ -12,7 +12,7 @@ from .evidence import AbstractEvidence
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
-RATE = SETTINGS.stretches.rate
+DISCOVERY_RATE = SETTINGS.where.discovery_rate
 FEWEST_SAMPLES = SETTINGS.stretches.fewest_samples
 
 
@@ -45,7 +45,7 @@ def stretches(evidence: AbstractEvidence, before: Columns, after: Columns) -> li
 
     `before` are the residuals without the named effects, `after` those with them.  The noise of a
     channel is taken as high as its RMS residual.  A sample is off where a normal law of that level
-    does not reach it, at a false-discovery rate `RATE` over all samples, runs and channels; the
+    does not reach it, at the false-discovery rate over all samples, runs and channels; the
     samples may depend on each other in any way, so noise may have any colour (Benjamini and
     Yekutieli, 2001).  Stretches of one or two samples count as a shock or a bad reading.
     Empty where the evidence does not say what its runs are called.
@@ -79,7 +79,7 @@ def _sides(left: Sequence[np.ndarray]) -> list[np.ndarray]:
         return []
     known = [np.isfinite(z) for z in left]
     chances = [erfc(np.abs(z[k]) / np.sqrt(2)) for z, k in zip(left, known, strict=True)]
-    stands = false_discovery_control(np.concatenate(chances), method="by") <= RATE
+    stands = false_discovery_control(np.concatenate(chances), method="by") <= DISCOVERY_RATE
     out = [np.zeros(len(z), int) for z in left]
     for side, z, k, part in zip(
         out, left, known, np.split(stands, np.cumsum([len(x) for x in chances])[:-1]), strict=True

@@ -16,7 +16,7 @@ from .rows import OdeRun
 SECONDS = SETTINGS.free_experiment.seconds
 SINE_RATE = SETTINGS.free_experiment.sine_rate
 CHIRP = SETTINGS.free_experiment.chirp
-WRITTEN = SETTINGS.free_experiment.written
+WRITTEN = SETTINGS.experiment.written
 
 
 def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:

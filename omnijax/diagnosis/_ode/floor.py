@@ -26,7 +26,7 @@ LEFT_COST = SETTINGS.free_floor.left_cost
 NOISE_MISFIT = SETTINGS.free_floor.noise_misfit
 TURNS = SETTINGS.free_floor.turns
 TURN_COST = SETTINGS.free_floor.turn_cost
-ROUNDS = SETTINGS.free_floor.rounds
+STEPS_BETWEEN = SETTINGS.fit.steps_between
 RELATIVE = SETTINGS.free_floor.relative
 LEAST_CORRELATION = SETTINGS.free_floor.least_correlation
 LONGEST_LAG = SETTINGS.free_floor.longest_lag
@@ -74,7 +74,7 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
 
 def settled(model: AbstractModel, point: Point) -> Fit:
     """The refit from a point, then about what `rebase` makes of the data with its laws."""
-    fit = refit(model, point, rounds=ROUNDS, relative=RELATIVE)
+    fit = refit(model, point, rounds=STEPS_BETWEEN, relative=RELATIVE)
     return turned(model, fit) if model.unsettled(fit.point) else fit
 
 

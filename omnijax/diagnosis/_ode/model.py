@@ -27,7 +27,7 @@ from .signatures import signatures
 from .undecided import undecided
 
 NUMBER_PRICE = SETTINGS.free_model.number_price
-STEP = SETTINGS.free_model.step
+PRIOR_STEP = SETTINGS.fit.prior_step
 LINES = SETTINGS.free_model.lines
 
 
@@ -161,10 +161,10 @@ class OdeModel(AbstractColoured):
 
     def _held_out_slopes(self, point: Point) -> np.ndarray:
         """Changes (rows, numbers) of the held-out rows, in sigma, by the numbers' prior sigmas."""
-        steps = [np.zeros_like(point.u), *(STEP * np.eye(len(point.u)))]
+        steps = [np.zeros_like(point.u), *(PRIOR_STEP * np.eye(len(point.u)))]
         points = [Point(point.u + step, point.effects) for step in steps]
         rows = self.whitened(self.raw(points, "held-out"), "held-out")
-        return ((rows[1:] - rows[0]) / STEP).T
+        return ((rows[1:] - rows[0]) / PRIOR_STEP).T
 
     @contextlib.contextmanager
     def _prepared(self):

@@ -15,7 +15,7 @@ HIGHEST = SETTINGS.free_orders.highest
 MOST_PEAKS = SETTINGS.free_orders.most_peaks
 MOST_ORDERS = SETTINGS.free_orders.most_orders
 SLOW_ROWS = SETTINGS.free_orders.slow_rows
-SEEN = SETTINGS.free_orders.seen
+PASSED_BAND = SETTINGS.free_rows.passed_band
 LINES = SETTINGS.free_model.lines
 LEAST_LINE = SETTINGS.free_orders.least_line
 
@@ -51,7 +51,7 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     if np.ptp(angle) == 0:
         return {}
     fine = model.measured.resolution / FINE
-    fastest = SEEN * np.pi / step  # rad/s, of a line
+    fastest = PASSED_BAND * np.pi / step  # rad/s, of a line
     top = min(fastest / (np.quantile(np.abs(speed), SLOW_ROWS) or 1.0), fine * MOST_ORDERS)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 

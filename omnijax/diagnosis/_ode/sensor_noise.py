@@ -9,7 +9,7 @@ from ...machine import Log
 from .._noise import Assumed, combined, shown_step
 from .._settings import SETTINGS
 
-ORDERS = SETTINGS.free_sensor_noise.orders
+DIFFERENCES = SETTINGS.levels.differences
 NOISE_FREE = SETTINGS.free_sensor_noise.noise_free
 LEVEL_ERROR = SETTINGS.free_sensor_noise.level_error
 WHITE_RATIO = SETTINGS.free_sensor_noise.white_ratio
@@ -25,7 +25,9 @@ def _by_order(logs: Sequence[Log]) -> np.ndarray:
 
     Logs that show the steps of an encoder have one noise: one that rests shows less of it.
     """
-    squares = np.array([[np.mean(noise_squares(log.shown, k)) for k in ORDERS] for log in logs])
+    squares = np.array(
+        [[np.mean(noise_squares(log.shown, k)) for k in DIFFERENCES] for log in logs]
+    )
     levels = np.sqrt(squares)
     pairs = zip(logs, levels, strict=True)
     stepped = [shown_step([log.shown], float(some.min())) > 0 for log, some in pairs]

@@ -21,7 +21,7 @@ from .through_laws import MOST_COLUMNS, variants_through_laws
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = SETTINGS.limits.draws
-BLOCKS = SETTINGS.limits.blocks
+BLOCKS = SETTINGS.held_out.blocks
 MOST_SHARE = SETTINGS.limits.most_share
 # sizes whose variants stand for one effect: the least limit holds
 SMALLEST = ("gap", "delay", "tau")

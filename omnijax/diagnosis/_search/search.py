@@ -33,6 +33,7 @@ from .starts import (
 )
 from .through_laws import scored_through_laws
 
+RELATIVE = SETTINGS.calibration.relative
 WITHOUT_STEPS = SETTINGS.refits.without_steps
 
 
@@ -139,16 +140,14 @@ class Search:
         model = self.model
         stated = Point(np.zeros(len(model.priors)))
         if known is None:
-            fit = refit(model, start or stated, relative=self.settings.roughly)
+            fit = refit(model, start or stated, relative=RELATIVE)
             self.tell("smoothing the runs about the calibrated machine")
             model.rebase(fit.point)
-            baseline = refit(
-                model, fit.point, baseline=fit.jacobian, relative=self.settings.roughly
-            )
+            baseline = refit(model, fit.point, baseline=fit.jacobian, relative=RELATIVE)
         else:  # another noise moves the ends of its refits by little
             self.tell("smoothing the runs anew")
             model.rebase(start or stated)
-            baseline = refit(model, start or stated, relative=self.settings.roughly)
+            baseline = refit(model, start or stated, relative=RELATIVE)
         held_before = chi2_of(model, baseline.point, "held-out")
         self.begun = baseline.chi2, held_before
         if known is not None and known.effects:

@@ -19,7 +19,7 @@ INNER = SETTINGS.answer_learned.inner
 FOLLOWED_TO = SETTINGS.answer_learned.followed_to
 ROUND_GAIN = SETTINGS.answer_learned.round_gain
 DAMPINGS = SETTINGS.answer_learned.dampings
-STEP = SETTINGS.answer_learned.step
+PRIOR_STEP = SETTINGS.fit.prior_step
 DRAWN_PART = SETTINGS.answer_learned.drawn_part
 LEAST_SQUARE = SETTINGS.answer_learned.least_square
 DRAWN_ROWS = SETTINGS.answer_learned.drawn_rows
@@ -312,7 +312,9 @@ def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
     """d residual / du on the runs of a split."""
     (residual,) = model.residuals([point], split)
     P = len(point.u)
-    points = [Point(point.u + STEP * e, point.effects) for e in np.eye(P)]
+    points = [Point(point.u + PRIOR_STEP * e, point.effects) for e in np.eye(P)]
     with model.aside():
         moved = model.residuals(points, split) if P else []
-    return np.stack([(r - residual) / STEP for r in moved], 1) if P else residual[:, None][:, :0]
+    if not P:
+        return residual[:, None][:, :0]
+    return np.stack([(r - residual) / PRIOR_STEP for r in moved], 1)

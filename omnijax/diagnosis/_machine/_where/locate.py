@@ -30,7 +30,7 @@ from ..clocks import CLOCK
 from .left_motion import accelerating, turned_lengths
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
-STEP = SETTINGS.locate.step
+PRIOR_STEP = SETTINGS.fit.prior_step
 OWN_SHARE = SETTINGS.locate.own_share
 ASKED_SIZE = SETTINGS.locate.asked_size
 SHUFFLES = SETTINGS.where.shuffles
@@ -135,7 +135,7 @@ def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, l
         if name == "radius":
             scaled[len(names)] = model.rig.names.index(middle[0]) - model.rig.size
         names.append(name)
-        h = STEP if point.u[k] < 0 else -STEP
+        h = PRIOR_STEP if point.u[k] < 0 else -PRIOR_STEP
         points.append(moved(point, point.u + h * np.eye(len(point.u))[k], (), ()))
         steps.append(h * size)
     for k, (f, step) in enumerate(zip(free, steps_of(point, free), strict=True)):
