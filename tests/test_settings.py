@@ -1,16 +1,25 @@
-"""Numbers that steer a diagnosis stand in one frozen object."""
+"""Numbers that steer a diagnosis stand in one frozen object, each with where it comes from."""
 
 import ast
 import dataclasses
+import io
+import re
+import tokenize
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import omnijax.diagnosis
+from omnijax.diagnosis._answer.unlisted import TOLERANCES
 from omnijax.diagnosis._settings import SETTINGS
 
 FOLDER = Path(omnijax.diagnosis.__file__).parent
+SECTIONS = FOLDER / "_settings"
+# where a number comes from, after a colon or alone; the face of the folder says what each means
+WORDS = ("derived", "required", "prototype", "own cases", "measured", "time", "memory", "rounding",
+         "convention", "chosen")  # fmt: skip
+SAID = re.compile(rf"(?:^|: )(?:{'|'.join(WORDS)})(?=$| \(|, )", re.MULTILINE)
 # axes, halves and squares; the directions of a channel, and the channels of two or three
 USUAL = {0, 1, 2, 3, 4, 6, 9, 0.5}
 GIVEN_BY_NAME = {0, 1, 2, 0.5}  # `rounds=4` is no axis
@@ -113,7 +122,7 @@ def test_modules_of_the_diagnosis_have_no_numbers_of_their_own():
     own = {
         str(path.relative_to(FOLDER)): names
         for path in FOLDER.rglob("*.py")
-        if path.name != "_settings.py" and (names := _numbers(path.read_text()))
+        if path.parent != SECTIONS and (names := _numbers(path.read_text()))
     }
     assert own == ELSEWHERE
 
@@ -141,3 +150,110 @@ def test_settings_are_frozen_numbers():
             assert np.all(np.isfinite(value)), (type(section).__name__, field.name)
             with pytest.raises(dataclasses.FrozenInstanceError):
                 setattr(section, field.name, value)
+
+
+def test_files_of_settings_hold_sections_of_numbers_and_nothing_else():
+    for path in SECTIONS.glob("*.py"):
+        _, *rest = ast.parse(path.read_text()).body  # its docstring
+        assert [ast.unparse(x) for x in rest
+                if not isinstance(x, ast.ClassDef | ast.Import | ast.ImportFrom)] == (
+            ["SETTINGS = Settings()"] if path.name == "__init__.py" else []
+        )  # fmt: skip
+        inside = [x for c in rest if isinstance(c, ast.ClassDef) for x in c.body]
+        assert all(isinstance(x, ast.AnnAssign | ast.Expr) for x in inside), path.name
+    assert [*SECTIONS.rglob("*.py")] == [*SECTIONS.glob("*.py")]
+
+
+def _comments(source: str) -> dict[int, tuple[str, bool]]:
+    """By line the text of a comment, and whether it stands alone there."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return {
+        t.start[0]: (t.string.lstrip("# "), not t.line[: t.start[1]].strip())
+        for t in tokens if t.type == tokenize.COMMENT
+    }  # fmt: skip
+
+
+def _sections(source: str) -> list[tuple[str, ast.AnnAssign]]:
+    """(section, field) of every number in a file of settings."""
+    out = []
+    for node in (x for x in ast.parse(source).body if isinstance(x, ast.ClassDef)):
+        fields = [x for x in node.body if isinstance(x, ast.AnnAssign)]
+        numbers = [x for x in fields if not ast.unparse(x.annotation).endswith("Settings")]
+        out += [(node.name, x) for x in numbers]
+    return out
+
+
+def _words(source: str) -> dict[str, str]:
+    """By `section.field` of a file of settings what is said right above it, and beside it."""
+    comments, out = _comments(source), {}
+    for section, field in _sections(source):
+        own = [comments[n][0] for n in range(field.lineno, (field.end_lineno or 0) + 1)
+               if n in comments]  # fmt: skip
+        line, over = field.lineno - 1, []
+        while line in comments and comments[line][1]:
+            over.insert(0, comments[line][0])
+            line -= 1
+        out[f"{section}.{ast.unparse(field.target)}"] = f"{' '.join(over)}\n{' '.join(own)}"
+    return out
+
+
+def test_every_number_says_where_it_comes_from():
+    said = {}
+    for path in SECTIONS.glob("*.py"):
+        said |= _words(path.read_text())
+    count = sum(len(dataclasses.fields(getattr(SETTINGS, f.name)))
+                for f in dataclasses.fields(SETTINGS))  # fmt: skip
+    assert len(said) == count > 400
+    assert [name for name, text in said.items() if not SAID.search(text)] == []
+    face = (SECTIONS / "__init__.py").read_text()
+    assert [word for word in WORDS if f"- {word}" not in face] == []
+
+
+@pytest.mark.parametrize(
+    ("source", "unsaid"),
+    [
+        ("    x: int = 3  # steps: time\n    y: int = 4  # steps\n    z: int = 5", {"y", "z"}),
+        (
+            "    # of a run: chosen (more\n    # is noise)\n    x: float = 0.1\n    y: float = 0.2",
+            {"y"},
+        ),
+        ("    # steps: time\n\n    x: int = 3", {"x"}),
+        (
+            "    x: int = 3  # time\n    y: int = 3  # sometimes\n    z: int = 3  # a: time it",
+            {"y", "z"},
+        ),
+        ("    x: tuple[int, ...] = (\n        3,  # steps: time\n    )\n    y: bool = True", {"y"}),
+        ("    x: int = 3  # steps\n    # of a run: chosen", {"x"}),
+    ],
+)
+def test_a_number_without_a_word_is_seen(source, unsaid):
+    said = _words(f"class A:\n{source}\n")
+    assert {name for name, text in said.items() if not SAID.search(text)} == {
+        f"A.{name}" for name in unsaid
+    }
+
+
+def _read(source: str) -> set[tuple[str, str]]:
+    """(section, field) pairs `...section.field` of a module; `settings` is the search's."""
+    out = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute | ast.Name):
+            owner = node.value
+            section = owner.attr if isinstance(owner, ast.Attribute) else owner.id
+            out.add(({"settings": "search"}.get(section, section), node.attr))
+    return out
+
+
+def test_every_number_is_read():
+    read = set().union(
+        *(_read(path.read_text()) for path in FOLDER.rglob("*.py") if path.parent != SECTIONS)
+    )
+    unread = {
+        (section.name, field.name)
+        for section in dataclasses.fields(SETTINGS)
+        for field in dataclasses.fields(getattr(SETTINGS, section.name))
+        if (section.name, field.name) not in read
+    }
+    by_name = {path.replace(".", "_") for path in TOLERANCES}  # these are read all at once
+    assert unread == {("unlisted", name) for name in by_name}
+    assert ("search", "unheard") not in read and ("fit", "prior_step") in read
