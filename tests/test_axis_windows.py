@@ -235,7 +235,7 @@ def test_windows_begun_anew_are_followed_from_the_starts_that_they_have(monkeypa
     far, given = np.zeros_like(evaluation.starts[0]), []
     far[:, 1] = 0.3
     monkeypatch.setattr("omnijax.diagnosis._ode.free_starts.reopened", anew)
-    monkeypatch.setattr("omnijax.diagnosis._ode.free_starts.RESTARTS", 1)  # more would mend it
+    monkeypatch.setattr("omnijax.diagnosis._ode.free_starts.START_STEPS", 1)  # more would mend it
     model.rebase(true)
     (starts,) = given
     assert np.all(squares(evaluation.starts[0]) <= squares(starts) * (1 + 1e-9))

@@ -163,7 +163,7 @@ def test_where_two_rollers_meet_is_an_edge():
     )
     edges = outliers.near_edges(machine, machine, 0)
     begins, meet, ends = (int(np.argmax(theta[:, 0] > x)) for x in (0.1, 0.2, 0.3))
-    assert edges[[begins, meet, ends]].all() and edges.sum() == 3 * (2 * outliers.EDGE + 1)
+    assert edges[[begins, meet, ends]].all() and edges.sum() == 3 * (2 * outliers.EDGE_SAMPLES + 1)
 
 
 def test_a_friction_that_falls_is_tried_at_shares_of_the_speed_of_the_runs():

@@ -363,7 +363,7 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
     np.testing.assert_allclose(common, right, atol=0.01 * scale)
     first = estimated(bases, left, rows, taken, law, wheel, grid)
     full = orders._gains(seen, law, grid)
-    assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
+    assert first[np.argmax(full)] > np.sort(first)[-orders.WEIGHED]
 
 
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
@@ -391,7 +391,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
         return true - directions @ (directions.T @ true)
 
     drawn = (taking(rng.choice(far, 3)) for _ in range(20))
-    least = 20 * orders.ROUGHLY * float(true @ true)  # thin samples tell no less
+    least = 20 * orders.LEAST_LEFT_THINNED * float(true @ true)  # thin samples tell no less
     beside = next(q for q in drawn if np.sum(beside_of(q) ** 2) > least)
     left = beside_of(beside)
     whole = float(left @ left)
@@ -408,7 +408,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     assert full[own] == pytest.approx(whole, rel=0.03)
     assert full.max() < 1.02 * full[own]  # a neighbour may win by what the gains are off
     few = estimated(bases, rests, rows, taken, law, wheel, grid)
-    apart = orders.CLOSER * (grid[1] - grid[0])
+    apart = orders.FINER * (grid[1] - grid[0])
     some = orders._promising(grid, few, apart)
     best = max(float(full[np.abs(grid - m) <= apart].max()) for m in some)
     assert best > 0.97 * full[own], "neither it nor one that explains as much is weighed in full"
@@ -440,7 +440,7 @@ def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkey
     taken = [np.zeros((x.size, 0)) for x in left]
     gains = estimated(turning, left, rows, taken, law, wheel, grid)
     step = grid[1] - grid[0]
-    best = orders._peaks(grid, gains, 8, orders.CLOSER * step)
+    best = orders._peaks(grid, gains, 8, orders.FINER * step)
     assert min(abs(n - order) for n in best) < 2 * step
 
 
@@ -454,12 +454,12 @@ def test_high_orders_crowd_out_no_low_one():
     gains[orders.DENSE :] += 10.0
     gains[right] = 2.0
     some = orders._promising(grid, gains, 0.5)
-    assert len(some) == orders.BEST
+    assert len(some) == orders.WEIGHED
     assert grid[right] in some
     assert grid[np.argmax(gains)] in some
     few = slice(None, orders.DENSE)
     assert orders._promising(grid[few], gains[few], 0.5) == orders._peaks(
-        grid[few], gains[few], orders.BEST, 0.5
+        grid[few], gains[few], orders.WEIGHED, 0.5
     )
 
 
