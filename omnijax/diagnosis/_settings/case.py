@@ -23,8 +23,8 @@ class DiagnoseSettings:
     # s, after which Omega and the rolled lengths of a rig start anew: prototype (the margin of a
     # dry friction against rolling is 916 at 0.1 s and 1.6e5 at 1 s; slow errors stay out)
     window: float = 1.0
-    # RMS of a channel over its white part, below which all of it is noise: chosen (more takes
-    # gaps for noise, less takes noise of a colour for gaps)
+    # RMS of a channel over its white part, below which all of it is noise: chosen (more takes gaps
+    # for noise, less takes noise of a colour for gaps)
     white_ratio: float = 1.25
     # 1-sigma of a measured level, up to which the model may show more: convention (four are sure)
     level_errors: float = SearchSettings.sure_sigmas

@@ -7,8 +7,8 @@ import dataclasses
 class LevelsSettings:
     """The level of the white part of a channel, by differences in short windows."""
 
-    # orders of differences: prototype (third ones were right to 7 %), chosen (higher ones, for what
-    # rings near half the sampling rate)
+    # orders of differences: prototype (third ones were right to 7 %), chosen (higher ones leave
+    # less of a fast motion)
     differences: tuple[int, ...] = (3, 5, 7)
     # samples of one window: chosen (shorter ones scatter more, longer ones hold more bursts)
     window: int = 64
@@ -69,8 +69,8 @@ class WhereSettings:
     # length that a column of length 1 must keep once line and mean are taken off: rounding
     least_column: float = 1e-4
     bins: int = 12  # of a state, equally filled: chosen (finer ones scatter more)
-    # samples of a shuffled block, or a share of a short run: chosen (blocks
-    # have to be longer than the noise remembers)
+    # samples of a shuffled block, or a share of a short run: chosen (longer than the noise
+    # remembers)
     block_samples: int = 125
     fewest_blocks: int = 16  # of a short run: chosen (fewer have few orders)
     shortest_block: int = 4  # samples: chosen (a shorter one loses the colour)
