@@ -13,6 +13,14 @@ from ..._programs import kept
 from ...rig import Rig
 from .._padding import room
 from ._poles import Answer, answered, coincidence, eigen
+from ._tables import (
+    TableLanes,
+    TableSums,
+    table_lanes,
+    table_outputs,
+    table_slopes,
+    table_sums,
+)
 from ._transient import LENGTH
 from .batch import DesignBatch, ready
 from .groups import grouped, lanes_of, of_groups
@@ -56,6 +64,9 @@ class ModalRuns:
 
             def ask(design: LinearDesign, _):
                 outputs, at = _outputs(design, *self._given, length, effort=b.effort)
+                if b.layout.tables:
+                    lanes, _ = _table_lanes(design, *self._given, effort=b.effort)
+                    outputs = _with_tables(outputs, lanes, *self._given, effort=self._for_tables)
                 return Answer(outputs), at
 
             outputs = answered(ask, design, b.layout, wanted, 0).smooth
@@ -67,8 +78,14 @@ class ModalRuns:
         Each length is a program, which costs more than the room that few designs leave empty.
         """
         samples = self.samples + LENGTH
-        few = self.effort == Effort.LEAST and samples <= SHORT
+        tables = self._batch.layout.tables  # each sample of which costs more
+        few = self.effort == Effort.LEAST and samples <= SHORT and not tables
         return SHORT if few else room(samples, 4)
+
+    @property
+    def _for_tables(self) -> Effort:
+        """What the programs of tables are worth: the slowest code takes ten times as long."""
+        return max(self.effort, Effort.QUICK)
 
     def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere, of the wanted designs."""
@@ -85,6 +102,7 @@ class ModalRuns:
         rows = np.concatenate([part for part in parts if moving[part].any()] or parts[:1])
         few = layout._replace(
             rows=len(rows),
+            tables=(),
             live=tuple(layout.live[row] for row in rows),
             waves=tuple(layout.waves[row] for row in rows),
         )
@@ -104,11 +122,23 @@ class ModalRuns:
             return whole
 
         system = bars.system
-        return bars._replace(
-            system=system._replace(
-                C=placed(system.C, 2), direct=placed(system.direct, 3), rate=placed(system.rate, 3)
-            )
-        )
+        C, direct, rate = placed(system.C, 2), placed(system.direct, 3), placed(system.rate, 3)
+        bars = bars._replace(system=system._replace(C=C, direct=direct, rate=rate))
+        if not layout.tables:
+            return bars
+        return jax.tree.map(np.add, bars, self._table_bars(group, np.asarray(weights)))
+
+    def _table_bars(self, group: RunGroup, weights: Float[np.ndarray, "c o length"]):
+        """What tables add to `bars`; one program serves all figures."""
+        layout, *samples = self._given
+        alone, told = layout._replace(kinds=()), {"effort": self.effort}
+
+        def ask(design: LinearDesign, numbers):
+            lanes, at = _table_lanes(design, alone, *samples, **told)
+            sums = _table_sums(lanes, alone, *samples, weights[numbers], effort=self._for_tables)
+            return Answer(_table_slopes(design, alone, *samples, sums, **told)), at
+
+        return answered(ask, group.design, layout, group.wanted, 1).smooth
 
     def slopes(self, bars: list, rigs: list[Rig]) -> Float[np.ndarray, "B d"]:
         """Derivatives by the wanted rows from `bars` of all groups and those by the rigs."""
@@ -158,6 +188,25 @@ def _outputs(design: LinearDesign, layout: Layout, step, count, length: int):
 
 
 @kept
+def _table_lanes(design: LinearDesign, layout: Layout, step, count):
+    """What tables need to know of the designs; and what coincides."""
+    pairs = eigen(design.system, layout)
+    at = coincidence(pairs, design.signals.rate, step * count)
+    return table_lanes(lanes_of(design, pairs), layout), at
+
+
+@kept
+def _with_tables(outputs, lanes: TableLanes, layout: Layout, step, count):
+    """The outputs with what tables add to them."""
+    return outputs + table_outputs(lanes, layout, _times(outputs, step, count))
+
+
+def _times(outputs, step, count):
+    """Of the samples, s; what follows them repeats the last."""
+    return step * jnp.minimum(jnp.arange(outputs.shape[-1]), count - 1)
+
+
+@kept
 def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
     """Derivatives by the designs' arrays from those by the outputs, (B, o, length); and what
     coincides.
@@ -169,3 +218,21 @@ def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
 
     groups = jnp.moveaxis(grouped(jnp.moveaxis(weights, 0, -1)), -1, 1)
     return of_groups(some, design, layout, step * count, groups, duration=step * count)[1:]
+
+
+@kept
+def _table_sums(lanes: TableLanes, layout: Layout, step, count, weights) -> TableSums:
+    """Sums over the samples of a figure with such derivatives by the outputs, batch first."""
+    own = jnp.where(jnp.arange(weights.shape[-1]) < count, weights, 0.0)
+    return table_sums(lanes, layout, _times(weights, step, count), own)
+
+
+@kept
+def _table_slopes(design: LinearDesign, layout: Layout, step, count, sums: TableSums):
+    """What tables add to `_run_slopes`."""
+
+    def some(g: Lanes, sums: TableSums):
+        return None, jax.tree.map(lambda x: x[None], table_slopes(g, layout, sums))
+
+    groups = jax.tree.map(lambda x: grouped(jnp.moveaxis(x, 0, -1)), sums)
+    return of_groups(some, design, layout, step * count, groups)[1]

@@ -35,7 +35,9 @@ def figures_obstacle(
 def _table_obstacle(rig: Rig) -> str | None:
     if not (tables := wheels_with_tables(rig)):
         return None
-    return f"wheel {rig.names[tables[0]]}'s profile is a table, whose runs are read sample by sample"
+    return (
+        f"wheel {rig.names[tables[0]]}'s profile is a table, whose runs are read sample by sample"
+    )
 
 
 def modal_steady_obstacle(rig: Rig, model: str = "coupled") -> str | None:

@@ -13,7 +13,6 @@ from jaxtyping import Array, Float, Int
 
 from ..._compiling import on_cpu
 from ...rig import Rig
-from ._tables import table_outputs, with_tables
 from ._transient import (
     LENGTH,
     BlockTables,
@@ -71,7 +70,7 @@ def _walk(g: Lanes, layout: Layout, step, count) -> tuple[Walk, OutputParts]:
 def outputs_of(g: Lanes, layout: Layout, step, count, length: int) -> Float[Array, "c o t"]:
     """The outputs at t = 0, step, ..., `count` samples; the rest of `length` means nothing.
 
-    There has to be room for a block after the last sample.
+    What tables add is not among them.  There has to be room for a block after the last sample.
     """
     walk, shown = _walk(g, layout, step, count)
     groups = [range(o, min(o + TOGETHER, layout.rows)) for o in range(0, layout.rows, TOGETHER)]
@@ -86,8 +85,7 @@ def outputs_of(g: Lanes, layout: Layout, step, count, length: int) -> Float[Arra
         return _put(runs, block, s.done.astype(int))
 
     lanes = g.modes.l0.shape[-1]
-    runs = walk.run(gather, jnp.zeros((lanes, layout.rows, length)))
-    return runs + table_outputs(g, layout, step * jnp.arange(length)) if layout.tables else runs
+    return walk.run(gather, jnp.zeros((lanes, layout.rows, length)))
 
 
 def _put(runs: Float[Array, "c o t"], block: Float[Array, "c o k"], first: Int[Array, " c"]):
@@ -118,12 +116,7 @@ def run_slopes(g: Lanes, layout: Layout, step, count, weights: Float[Array, "c o
         return along.gather(totals, here, w, t, s, turn)
 
     sums = walk.run(gather, along.totals, along.follow, along.carried)
-    slopes = slopes_of(g, layout, sums)
-    if not layout.tables:
-        return slopes
-    length = weights.shape[-1]
-    weights = jnp.where(jnp.arange(length) < count, weights, 0.0)
-    return with_tables(slopes, g, layout, step * jnp.arange(length), weights)
+    return slopes_of(g, layout, sums)
 
 
 def _taken(weights: Float[Array, "o t"], first):

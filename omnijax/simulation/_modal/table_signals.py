@@ -72,7 +72,7 @@ def _powers(x: Float[Array, " k"]) -> Float[Array, "4 k"]:
     return jnp.stack([jnp.ones_like(x), x, x * x, x * x * x])
 
 
-def moved_on(rho: Float[Array, "4 *t"], time: Float[Array, "*t"]) -> Float[Array, "4 *t"]:
+def moved_on(rho: Float[Array, "4 ..."], time: Float[Array, "..."]) -> Float[Array, "4 ..."]:
     """rho and its derivatives that much later on the same piece."""
     level, slope, bend, jerk = rho
     bent = bend + time * jerk

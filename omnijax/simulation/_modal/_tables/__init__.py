@@ -1,4 +1,8 @@
 """What poles make of a measured table that a wheel passes at constant speed."""
 
+from .outputs import TableLanes as TableLanes
+from .outputs import table_lanes as table_lanes
 from .outputs import table_outputs as table_outputs
-from .slopes import with_tables as with_tables
+from .slopes import TableSums as TableSums
+from .slopes import table_slopes as table_slopes
+from .slopes import table_sums as table_sums

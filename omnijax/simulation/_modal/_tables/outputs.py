@@ -11,7 +11,7 @@ from ..arithmetic import Pair, rows
 from ..lanes import Lanes
 from ..system import Layout
 from ..table_signals import TableSignals
-from .response import Knots, PolesAlone, TableResponse, knots_of, response_at
+from .response import Knots, PolesAlone, TableResponse, decay_at, knots_of, response_at
 
 
 class TableLanes(NamedTuple):
@@ -53,16 +53,16 @@ def knots(t: TableLanes) -> Knots:
     return jax.vmap(of_tables)(t.poles, *t.tables)
 
 
-def table_outputs(g: Lanes, layout: Layout, time: Float[Array, " t"]) -> Float[Array, "c o t"]:
+def table_outputs(t: TableLanes, layout: Layout, time: Float[Array, " t"]) -> Float[Array, "c o t"]:
     """What the tables add to the outputs at times (s) since the start."""
-    t = table_lanes(g, layout)
 
     def of_design(one: tuple[TableLanes, Knots]):
         own, each = one
+        decay = decay_at(own.poles, time)
 
         def add(total, table: tuple[Knots, Pair, Array, Array]):
             z, given, direct, slope = table
-            response = response_at(own.poles, z, time)
+            response = response_at(own.poles, z, time, decay)
             weights = merged(residues(own.pair, own.shown, given), layout)
             return total + shown(weights, direct, slope, response), None
 

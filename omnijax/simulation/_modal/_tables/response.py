@@ -5,26 +5,43 @@ On a piece that begins at z, with rho = sum_j rho_j v^j/j! a time v after, dz/dt
     z(v) = exp(lambda v) z + sum_j rho_j v^(j + 1) phi_(j + 1)(lambda v)
 
 which cancels nothing, however slow a pole is beside the pieces.  With psi(u) the response from rest
-that far into a period, n periods of T leave exp(lambda u) psi(T) (1 - q^n)/(1 - q) beside psi(u),
-q = exp(lambda T).
+that far into a period and q = exp(lambda T), n periods of T leave beside psi(u)
+
+    exp(lambda u) psi(T) (1 - q^n)/(1 - q) = (exp(lambda u) - exp(lambda t)) psi(T)/(1 - q)
+
+of which the right side is quicker, and the left one right where a pole resonates with the periods.
 
 Source: Higham, Functions of Matrices, 10.7.4 (phi functions).
 """
 
+import functools
+import itertools
 import math
+import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from ..arithmetic import Pair, pair_exp, plus, product, quotient, times
-from ..table_signals import DEGREE, TableSignals, moved_on
 from .._transient import repeated
+from ..arithmetic import (
+    Pair,
+    exp_less_one,
+    materialised,
+    pair_exp,
+    plus,
+    product,
+    quotient,
+    stored,
+    times,
+)
+from ..table_signals import DEGREE, moved_on
 
 SMALL = 0.25  # |lambda v| below which phi_4 is a series: its closed form cancels to 1e-12 there
 TERMS = 9  # of that series, the next one of which is below 1e-13
+RESONANT = 1e-3  # |1 - q| below which digits would be lost
 
 
 class PolesAlone(NamedTuple):
@@ -40,9 +57,11 @@ class Knots(NamedTuple):
 
     begin: Float[Array, " k"]  # s
     rho: Float[Array, "4 k"]
-    z: Pair  # (p, k)
+    z: Pair  # (p, k), with `lasting` where that counts
     period: Float[Array, ""]  # s
     end: Pair  # (p, 1), after a period
+    lasting: Pair  # (p, 1): psi(T)/(1 - q)
+    resonant: Bool[Array, ""]  # whether that loses digits: it does not count
 
 
 class TableResponse(NamedTuple):
@@ -81,46 +100,117 @@ def _below(kind, a: Pair, one: Pair, last: Pair) -> list[Pair]:
     return each[::-1]
 
 
-def _forced(rho, v, phi: list[Pair]) -> Pair:
-    """What a piece has forced from rest a time v after it began."""
-    first = second = jnp.zeros_like(phi[1][0])
-    power = v
-    for j in range(DEGREE + 1):
-        first, second = plus((first, second), times(rho[j] * power, phi[j + 1]))
-        power = power * v
-    return first, second
+def _unit_moves(kind, l0, l1, v) -> tuple[Pair, list[Pair]]:
+    """exp(lambda v), and what units of rho and of its derivatives force from rest."""
+    over, *phi = phis(kind, times(v, (l0, l1)))
+    power = itertools.accumulate([v] * len(phi), operator.mul)
+    return over, [times(x, y) for x, y in zip(power, phi, strict=True)]
 
 
-def knots_of(m: PolesAlone, duration: Float[Array, " k"], rho: Float[Array, "4 k"]) -> Knots:
-    """The begins of the pieces of one table, from rest."""
-    phi = phis(m.kind, times(duration, (m.l0, m.l1)))
-    forced, kind = _forced(rho, duration, phi), m.kind[:, 0]
+def _moved(kind, l0, l1, z: Pair, v, rho) -> tuple[Pair, Pair]:
+    """z(v) from z on a piece that begins with rho (4, ...), and exp(lambda v)."""
+    over, forces = _unit_moves(kind, l0, l1, v)
+    each = (times(x, force) for x, force in zip(rho, forces, strict=True))
+    return functools.reduce(plus, each, product(kind, z, over)), over
+
+
+@jax.custom_jvp
+def _moved_by_fixed(kind, l0, l1, z: Pair, v, rho) -> tuple[Pair, Pair]:
+    """`_moved` by poles that are not differentiated, with d/dv = lambda z + rho of z."""
+    return _moved(kind, l0, l1, z, v, rho)
+
+
+@_moved_by_fixed.defjvp
+def _(primals, tangents):
+    kind, *pole, z, v, rho = primals
+    *_, dz, dv, drho = tangents
+
+    def parts(kind, l0, l1, z: Pair, v, rho) -> list[Array]:
+        over, forces = _unit_moves(kind, l0, l1, v)
+        end = _moved(kind, l0, l1, z, v, rho)[0]
+        own = (moved_on(rho, v)[0], jnp.where(kind > 0, 0.0, moved_on(rho, v)[0]))
+        rate = plus(product(kind, (l0, l1), end), own)
+        turn = product(kind, (l0, l1), over)
+        return [jax.lax.complex(*x) for x in (end, over, rate, turn, *forces)]
+
+    each = materialised(parts, kind, *pole, z, v, rho)
+    end, over, rate, turn, *forces = ((x.real, x.imag) for x in each)
+    by_rho = (times(x, force) for x, force in zip(drho, forces, strict=True))
+    start = plus(product(kind, dz, over), times(dv, rate))
+    return (end, over), (functools.reduce(plus, by_rho, start), times(dv, turn))
+
+
+def _stored(move: Callable, *args) -> tuple[Pair, Pair]:
+    each = materialised(lambda *a: [jax.lax.complex(*x) for x in move(*a)], *args)
+    (first, over), (second, turn) = ([x.real for x in each], [x.imag for x in each])
+    return (first, second), (over, turn)
+
+
+def moving(fixed: bool) -> Callable:
+    """How pairs move along a piece, where poles are `fixed` or differentiated."""
+    return _moved_by_fixed if fixed else functools.partial(_stored, _moved)
+
+
+def knots_of(
+    m: PolesAlone, duration: Float[Array, " k"], rho: Float[Array, "4 k"], fixed: bool = False
+) -> Knots:
+    """The begins of the pieces of one table, from rest; `fixed`: see `moving`."""
+    rest = jnp.zeros((len(m.kind), len(duration)))
+    forced, over = moving(fixed)(*m, (rest, rest), duration, rho)
+    kind = m.kind[:, 0]
 
     def on(z: Pair, step) -> tuple[Pair, Pair]:
         over, more = step
         return plus(product(kind, z, over), more), z
 
-    none = jnp.zeros_like(kind)
-    steps = jax.tree.map(jnp.transpose, (phi[0], forced))
-    end, z = jax.lax.scan(on, (none, none), steps)
+    steps = jax.tree.map(jnp.transpose, (over, forced))
+    end, z = jax.lax.scan(on, (jnp.zeros_like(kind), jnp.zeros_like(kind)), steps)
     after = jnp.cumsum(duration)
-    first, second = (x.T for x in z)
     begin = jnp.concatenate([jnp.zeros(1), after[:-1]])
-    return Knots(begin, rho, (first, second), after[-1], (end[0][:, None], end[1][:, None]))
+    end = end[0][:, None], end[1][:, None]
+    less = exp_less_one(m.kind, times(after[-1], (m.l0, m.l1)))  # q - 1
+    complex_, (first, second) = m.kind > 0, (jnp.abs(x) for x in less)
+    size = jnp.where(complex_, first + second, jnp.minimum(first, second))
+    resonant = jnp.any(size < RESONANT)
+    safe = jnp.where(resonant, -1.0, less[0]), jnp.where(resonant, complex_ - 1.0, less[1])
+    lasting = quotient(m.kind, times(-1.0, end), safe)
+
+    def started(kind, l0, l1, z: Pair, lasting: Pair) -> Pair:
+        return plus(z, product(kind, lasting, pair_exp(kind, times(begin, (l0, l1)))))
+
+    z = z[0].T, z[1].T
+    every = stored(started, *m, z, lasting)
+    first, second = (jnp.where(resonant, x, y) for x, y in zip(z, every, strict=True))
+    return Knots(begin, rho, (first, second), after[-1], end, lasting, resonant)
 
 
-def response_at(m: PolesAlone, knots: Knots, time: Float[Array, " t"]) -> TableResponse:
-    """The response from rest at times (s) since the start."""
-    kind, pole = m.kind, (m.l0, m.l1)
+def decay_at(m: PolesAlone, time: Float[Array, " t"]) -> Pair:
+    """exp(lambda t) of every pair, (p, t)."""
+    return stored(lambda kind, l0, l1: pair_exp(kind, times(time, (l0, l1))), *m)
+
+
+def response_at(
+    m: PolesAlone, knots: Knots, time: Float[Array, " t"], decay: Pair, fixed: bool = False
+) -> TableResponse:
+    """The response from rest at times (s) since the start, of the poles' `decay_at` them.
+
+    `fixed`: see `moving`.
+    """
     many = jax.lax.stop_gradient(jnp.floor(time / knots.period))
     into = jnp.maximum(time - many * knots.period, 0.0)
     piece = jax.lax.stop_gradient(jnp.searchsorted(knots.begin, into, side="right") - 1)
     v, rho = into - knots.begin[piece], knots.rho[:, piece]
-    phi = phis(kind, times(v, pole))
     at = knots.z[0][:, piece], knots.z[1][:, piece]
-    own = plus(product(kind, at, phi[0]), _forced(rho, v, phi))
-    left = product(kind, knots.end, pair_exp(kind, times(into, pole)))
-    left = product(kind, left, repeated(kind, times(knots.period, pole), jnp.maximum(many, 1.0)))
-    earlier = many > 0
-    z = plus(own, (jnp.where(earlier, left[0], 0.0), jnp.where(earlier, left[1], 0.0)))
-    return TableResponse(moved_on(rho, v), z)
+    here, _ = moving(fixed)(*m, at, v, rho)
+
+    def left(many, into, decay) -> Pair:
+        each = product(m.kind, knots.end, pair_exp(m.kind, times(into, (m.l0, m.l1))))
+        sums = repeated(m.kind, times(knots.period, (m.l0, m.l1)), jnp.maximum(many, 1.0))
+        first, second = product(m.kind, each, sums)
+        return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
+
+    def ended(many, into, decay) -> Pair:
+        return times(-1.0, product(m.kind, knots.lasting, decay))
+
+    before = jax.lax.cond(knots.resonant, left, ended, many, into, decay)
+    return TableResponse(moved_on(rho, v), plus(here, before))

@@ -1,5 +1,7 @@
 """Derivatives of a figure by tables, and by the poles and residues that show them."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,46 +12,53 @@ from ..gradient import Slopes, seen
 from ..lanes import Lanes
 from ..system import Layout
 from ..table_signals import TableSignals
-from .outputs import TableLanes, knots, merged, residues, shown, table_lanes
-from .response import Knots, PolesAlone, knots_of, response_at
+from .outputs import TableLanes, merged, residues, shown
+from .response import PolesAlone, decay_at, knots_of, response_at
 
 
-def with_tables(
-    slopes: Slopes, g: Lanes, layout: Layout, time: Float[Array, " t"],
-    weights: Float[Array, "c o t"],
-) -> Slopes:  # fmt: skip
-    """The slopes with what the tables add to a figure of such derivatives by the outputs.
+class TableSums(NamedTuple):
+    """Sums over the samples of a figure's derivatives by the outputs, one leading axis a design."""
 
-    `time` (s) since the start: of the samples of the outputs.
+    psi: Pair  # (c, w, o, q), of the poles that differ: times the response of a unit
+    rate: Pair  # its derivative by the poles
+    direct: Float[Array, "c w o"]  # times rho
+    slope: Float[Array, "c w o"]  # times drho/dt
+    tables: TableSignals  # derivatives by the tables
+
+
+def table_sums(
+    t: TableLanes, layout: Layout, time: Float[Array, " t"], weights: Float[Array, "c o t"]
+) -> TableSums:
+    """The sums of a figure with such derivatives by the outputs at times (s) since the start."""
+    return TableSums(*jax.lax.map(lambda one: _of_design(*one, layout, time), (t, weights)))
+
+
+def table_slopes(g: Lanes, layout: Layout, sums: TableSums) -> Slopes:
+    """Derivatives through the tables alone, from the sums of a group, batch last.
+
+    The layout has no other signals.
     """
-    t = table_lanes(g, layout)
-    psi, rate, direct, slope, tables = jax.lax.map(
-        lambda one: _of_design(*one, layout, time), (t, weights)
-    )
-    last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), (psi, rate))  # (w, o, q, c)
     m = g.modes
-    own = seen(m.kind, (m.c0[: layout.rows], m.c1[: layout.rows]))
-    given = m.given(layout.tables)
+    own, given = seen(m.kind, (m.c0[: layout.rows], m.c1[: layout.rows])), m.given(layout.tables)
 
-    def shown_by(psi: Pair) -> Pair:  # (w, p, c)
+    def shown_by(psi: Pair) -> Pair:  # (w + 1, p, c)
         first, second = product(m.kind, own, _of_pairs(psi, layout))
-        return summed(first, 1), summed(second, 1)
+        first, second = (jnp.pad(summed(x, 1), ((0, 1), (0, 0), (0, 0))) for x in (first, second))
+        return first, second
 
     def given_to(psi: Pair) -> Pair:  # (o, p, c)
         b = given[0][:, None], given[1][:, None]
         first, second = product(m.kind, b, _of_pairs(psi, layout))
         return summed(first), summed(second)
 
-    return slopes._replace(
-        shown=_before_start(slopes.shown, shown_by(last[0])),
-        shown_rate=_before_start(slopes.shown_rate, shown_by(last[1])),
-        given=_sum(slopes.given, given_to(last[0])),
-        given_rate=_sum(slopes.given_rate, given_to(last[1])),
-        direct=jnp.concatenate([slopes.direct, jnp.moveaxis(direct, 0, -1)]),
-        rate=jnp.concatenate([slopes.rate, jnp.moveaxis(slope, 0, -1)]),
-        signals=slopes.signals._replace(
-            tables=TableSignals(*(jnp.moveaxis(x, 0, -1) for x in tables))
-        ),
+    return Slopes(
+        shown_by(sums.psi),
+        shown_by(sums.rate),
+        given_to(sums.psi),
+        given_to(sums.rate),
+        jax.tree.map(jnp.zeros_like, g.signals)._replace(tables=sums.tables),
+        sums.direct,
+        sums.slope,
     )
 
 
@@ -58,6 +67,7 @@ def _of_design(own: TableLanes, weights: Float[Array, "o t"], layout: Layout, ti
     rho straight (w, o), and those by the tables.
     """
     kind, l0, l1 = own.poles
+    decay = decay_at(own.poles, time)
     along = jnp.ones_like(l0), jnp.where(kind > 0, 0.0, jnp.ones_like(l1))
 
     def one(table):
@@ -65,14 +75,15 @@ def _of_design(own: TableLanes, weights: Float[Array, "o t"], layout: Layout, ti
 
         def response(l0, l1):
             poles = PolesAlone(kind, l0, l1)
-            return response_at(poles, knots_of(poles, *signal), time)
+            return response_at(poles, knots_of(poles, *signal), time, decay_at(poles, time))
 
         here, moved = jax.jvp(response, (l0, l1), along)
         psi, rate = ((weights @ x.z[0].T, weights @ x.z[1].T) for x in (here, moved))
         w = merged(residues(own.pair, own.shown, given), layout)
 
         def figure(signal: TableSignals):
-            response = response_at(own.poles, knots_of(own.poles, *signal), time)
+            z = knots_of(own.poles, *signal, fixed=True)
+            response = response_at(own.poles, z, time, decay, fixed=True)
             return jnp.sum(weights * shown(w, direct, slope, response))
 
         straight = weights @ here.rho[0], weights @ here.rho[1]
@@ -85,14 +96,3 @@ def _of_pairs(psi: Pair, layout: Layout) -> Pair:
     """Of every pair, of those with poles that differ."""
     index = np.array(layout.pole)
     return psi[0][..., index, :], psi[1][..., index, :]
-
-
-def _before_start(slopes: Pair, tables: Pair) -> Pair:
-    first, second = (
-        jnp.concatenate([x[:-1], y, x[-1:]]) for x, y in zip(slopes, tables, strict=True)
-    )
-    return first, second
-
-
-def _sum(one: Pair, other: Pair) -> Pair:
-    return one[0] + other[0], one[1] + other[1]
