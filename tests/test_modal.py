@@ -17,6 +17,7 @@ from omnijax import _programs, laws
 from omnijax.simulation import (
     BULK_METRICS,
     Operating,
+    figures_obstacle,
     modal_figures,
     modal_obstacle,
     propagate,
@@ -497,7 +498,7 @@ def test_a_design_that_is_no_number_leaves_the_others_of_its_batch_alone():
 
 def test_obstacles_are_said():
     rig = machine(ORTHOGONAL)
-    assert modal_obstacle(rig, "coupled", ("rms", "weighted_acceleration")) == (
+    assert figures_obstacle(rig, "coupled", ("rms", "weighted_acceleration")) == (
         "the modal core does not give weighted_acceleration"
     )
     dual = eqx.tree_at(lambda r: r.profiles, rig, (laws.DualRow(jnp.asarray(0.01)),) * 3)
