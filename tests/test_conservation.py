@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from machines import SKEW, machine
 from scipy.interpolate import CubicSpline
 from seeds import drawn_anew
@@ -35,6 +36,7 @@ def test_total_momentum_follows_the_external_force():
     np.testing.assert_allclose(_total_momentum(rig, run), gained, atol=1e-11)
 
 
+@pytest.mark.full  # in the gate under torques and a force, above
 def test_total_momentum_under_prescribed_speeds():
     rig = machine()
     run = eqx.filter_jit(simulate)(rig, speeds([2.0, -1.2, 0.3]), TS)

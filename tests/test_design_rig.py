@@ -84,7 +84,7 @@ def test_the_answer_does_not_depend_on_the_start(engine, ends):
     assert np.ptp([e.x[0] for e in ends]) < 1e-4 * ends[0].x[0]
 
 
-@pytest.mark.full  # in the gate the optimum's multipliers, below
+@pytest.mark.full  # in the gate optima of functions: test_design; of a rig: test_design_in_bulk
 def test_the_optimum_beats_a_fine_grid_of_the_sweep(engine, ends):
     """Slip margins rise with the preload, so the grid holds it at its limit."""
     held = omnijax.set_parameter(omnijax.load_rig("atlas"), "closure.preload", 120.0)
@@ -97,6 +97,7 @@ def test_the_optimum_beats_a_fine_grid_of_the_sweep(engine, ends):
     assert best < 1.02 * ends[0].value  # and the grid comes near it
 
 
+@pytest.mark.full  # in the gate prices: test_design; a rig's optimum: test_design_in_bulk
 def test_multipliers_against_relaxed_limits(engine, ends):
     """Each limit moved by 1 N: the optimum falls by its multiplier, to second order."""
     design = make_design(engine.problem, ends)

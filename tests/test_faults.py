@@ -31,8 +31,8 @@ def test_failed_writes_leave_nothing_half_and_flipped_bits_are_named(tmp_path, m
     monkeypatch.chdir(tmp_path)
     commands.prepare_store(tmp_path)
     disk = writes.Disk()
-    count, wrong = writes.some_faults(disk, 5, seed=SEED)
+    count, wrong = writes.some_faults(disk, 3, seed=SEED)
     disk.close()
-    assert (count, wrong) == (5, []), f"seed {SEED}"
+    assert (count, wrong) == (3, []), f"seed {SEED}"
     count, wrong = flips_of_a_store(4, seed=SEED)
     assert (count, wrong) == (4, []), f"seed {SEED}"

@@ -51,6 +51,13 @@ def _run_figures(x, changed):
     return y[1:, :3].reshape(-1)
 
 
+@eqx.filter_jit
+def _reverse(rig, figures):
+    """One program for all rigs of as many wheels."""
+    changed, x = _figures(rig)
+    return jax.jacrev(lambda x: figures(x, changed))(x)
+
+
 @pytest.mark.parametrize(
     "figures", tiered([_steady_figures, _run_figures], lambda f: f is _steady_figures)
 )
@@ -64,7 +71,7 @@ def test_forward_reverse_and_differences_agree(figures):
         return found, found
 
     forward = np.asarray(both(x)[0])
-    reverse = np.asarray(jax.jit(jax.jacrev(lambda x: figures(x, changed)))(x))
+    reverse = np.asarray(_reverse(machine(SKEW), figures))
     scale = np.abs(forward).max(axis=1, keepdims=True)
     assert np.all(np.abs(forward - reverse) < 1e-9 * scale)
     h = 2e-5  # error h^4 f^(5)/30 of the five-point rule against rounding 1e-15/h
@@ -78,12 +85,6 @@ def test_forward_reverse_and_differences_agree(figures):
 def test_critical_damping_and_round_wheels_have_finite_gradients():
     """C such that two poles of the isolated contact meet; equal wheels make poles coincide."""
     meets = 2 * np.sqrt(188208.0 / (1 / 5.0 + 1 / 0.25))
-
-    @eqx.filter_jit
-    def slope(rig):
-        changed, x = _figures(rig)
-        return jax.jacrev(lambda x: _run_figures(x, changed))(x)
-
     for damping, eta in ((meets, 0.4), (0.0, 0.0)):
         rig = machine(ORTHOGONAL, scale=0.0, contact_damping=damping, roundness=eta)
-        assert np.all(np.isfinite(slope(rig)))
+        assert np.all(np.isfinite(_reverse(rig, _run_figures)))

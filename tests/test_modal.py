@@ -135,7 +135,9 @@ def test_figures_are_those_of_propagated_runs(name):
             assert bound <= exact + 1e-6 * abs(exact)
 
 
-@pytest.mark.parametrize("name", tiered(KINDS, (*DEAR[:2], "two, no edges").__contains__))
+@pytest.mark.parametrize(
+    "name", tiered(KINDS, (*DEAR[:2], "two, no edges", "tripod, alike").__contains__)
+)
 def test_peaks_of_few_samples_are_those_of_propagated_runs(name):
     """Several edges between two samples, and runs whose first samples are the largest."""
     rig, model = KINDS[name]
@@ -347,14 +349,14 @@ def damped_machine(rng):
             return make, critical(make, np.ones(6))
 
 
-@pytest.mark.parametrize("count", tiered([1, 3], (3).__eq__))
-def test_figures_where_poles_meet_are_those_of_runs(count):
+@pytest.mark.full  # in the gate beside such dampings, above, and undamped rigs against runs, below
+def test_figures_where_poles_meet_are_those_of_runs():
     """Dampers that hold the slow poles by their differences: values were 1e-4, slopes 12 % off."""
     rng, off = drawn_anew("dampers at which poles meet"), []
     near, h = np.array([0.0, 1e-9, -1e-5, 5e-4, -1e-3]), 1e-3
     shifts, weights = np.array([-3, -2, -1, 1, 2, 3]), np.array([-1, 9, -45, 45, -9, 1]) / 60
     ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
-    for _ in range(count):
+    for _ in range(3):
         make, row = damped_machine(rng)
         damping = np.arange(6) == 2
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from machines import ANY_SPEEDS, ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax import InputError, laws
 from omnijax.rig import set_parameter, up
@@ -184,7 +185,8 @@ def test_weighted_acceleration_counts_every_harmonic_of_a_slow_turn():
     assert float(of_long_run) == pytest.approx(float(weighted), rel=1e-4)
 
 
-def test_every_steady_metric_is_that_of_a_long_run():
+@pytest.mark.parametrize("count", tiered([1, 3], (3).__eq__))  # rigs
+def test_every_steady_metric_is_that_of_a_long_run(count):
     """20 s after 3 s on drawn rigs, every figure that a steady state offers, under a force.
 
     The ratios of the wheels' speeds are no fractions of small numbers, so that lines lie apart and
@@ -204,7 +206,7 @@ def test_every_steady_metric_is_that_of_a_long_run():
         said = steady_metrics(rig, turning, STEADY_METRICS, force=force, angles=angle)
         return said, evaluate(run, rig, STEADY_METRICS)
 
-    for _ in range(3):
+    for _ in range(count):
         rig = drawn_machine(rng, n, rollers=14, gravity=[0.0, 0.0, -9.81])
         rig = eqx.tree_at(lambda r: r.profiles, rig, (laws.GatedSine(),) * n)
         turning = rng.permutation([1.0, 1.272, 1.618]) * rng.uniform(15, 25)
