@@ -1,5 +1,6 @@
 """Results in files: nothing is written over unasked, an input never; whole or absent."""
 
+import contextlib
 import os
 import shutil
 from pathlib import Path
@@ -23,19 +24,28 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def own_files(tmp_path_factory):
     """A folder with the user's own files: a rig, a measured run with its NAME.toml, a study."""
+    folder = tmp_path_factory.mktemp("own")
+    with contextlib.chdir(folder):
+        shutil.copy(bundled_rigs()["atlas"], "rig.toml")
+        assert run(["simulate", "rig.toml", *SHORT, "--out", "run.csv"]) == 0
+        assert run(["simulate", "rig.toml", *SHORT, "--out", "run.nc"]) == 0
+        Path("run.toml").write_text('rig = "rig.toml"\nrole = "held-out"\n')
+        Path("study.toml").write_text('rig = "rig.toml"\n[[drive]]\nspeed = [1.0, 1.2, 0.3]\n')
+        Path("my-rig.toml").write_text("mine")
+        Path("folder.html").mkdir()
+        Path("page").mkdir()
+        Path("page/index.html").write_text("an older page")
+    return folder
+
+
+@pytest.fixture
+def here(own_files, tmp_path, monkeypatch):
+    """A copy of that folder, which is the working one."""
+    shutil.copytree(own_files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    shutil.copy(bundled_rigs()["atlas"], "rig.toml")
-    assert run(["simulate", "rig.toml", *SHORT, "--out", "run.csv"]) == 0
-    assert run(["simulate", "rig.toml", *SHORT, "--out", "run.nc"]) == 0
-    Path("run.toml").write_text('rig = "rig.toml"\nrole = "held-out"\n')
-    Path("study.toml").write_text('rig = "rig.toml"\n[[drive]]\nspeed = [1.0, 1.2, 0.3]\n')
-    Path("my-rig.toml").write_text("mine")
-    Path("folder.html").mkdir()
-    Path("page").mkdir()
-    Path("page/index.html").write_text("an older page")
     return tmp_path
 
 
