@@ -13,6 +13,8 @@ from omnijax.cli._simulate.summary import not_believed
 from omnijax.dynamics import mobility
 from omnijax.simulation._solve import solve as _solve
 
+pytestmark = pytest.mark.brief
+
 SHORT = ["--duration", "100ms", "--rate", "1kHz"]
 
 

@@ -41,10 +41,11 @@ def equal_cases(seed):
         assert all(np.array_equal(a[k], b[k]) for k in a)
 
 
-def test_inputs_are_linear_between_the_recordings_samples():
+@pytest.mark.parametrize("count", tiered([6, 12], (12).__eq__))
+def test_inputs_are_linear_between_the_recordings_samples(count):
     """As the format says; smooth ones had moved an angle by a fifth of a sigma at 250 Hz."""
     found = {250.0: 0, 500.0: 0}
-    for seed in drawn_anew("inputs").integers(0, 10**6, 12).tolist():
+    for seed in drawn_anew("inputs").integers(0, 10**6, count).tolist():
         case = drawn(seed)
         every = round(cases.FINE / case.rate)
         found |= {case.rate: found.get(case.rate, 0) + 1}

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tiers import tiered
 
 from omnijax.diagnosis import diagnose
 from omnijax.laws import AXIS_EFFECTS
@@ -19,7 +20,7 @@ def law(id: str, **values) -> PlacedLaw:
     )
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", tiered(range(3), bool))
 def test_steep_friction_is_followed_however_coarse_the_log(seed):
     rng = np.random.default_rng(seed)
     J, k, torque = 10 ** rng.uniform(-3, 0), rng.uniform(20, 80), rng.uniform(2, 6)

@@ -286,10 +286,11 @@ def drawn_drive(rig, rng, kind="speed"):
 
 
 def steady_figures(rig, drive):
-    """The figures of `steady_state`."""
+    """The figures of `steady_state`; lines of its spectrum, of which one is made, are none."""
     state = steady_state(
-        rig, drive.speed.values[0], angles=drive.initial_angle, force=drive.force.values[0]
-    )
+        rig, drive.speed.values[0], angles=drive.initial_angle, force=drive.force.values[0],
+        harmonics=1,
+    )  # fmt: skip
     return jnp.stack([getattr(state, name) for name in METRICS])
 
 

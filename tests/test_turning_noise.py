@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from seeds import drawn_anew
 from test_diagnosis_search import balance, law
-from tiers import more
+from tiers import more, tiered
 
 from benchmarks.hidden_effects.cases import drawn
 from benchmarks.hidden_effects.sensors import TURNING
@@ -140,7 +140,7 @@ def test_an_angle_that_a_gyro_tells_is_as_far_off_as_its_noise_brings_it():
     assert np.mean((along @ angle) ** 2 / said[:, None]) == pytest.approx(1.0, abs=0.35)
 
 
-@pytest.mark.parametrize("channel", [2, 4])
+@pytest.mark.parametrize("channel", tiered([2, 4], (2).__eq__))  # of a gyro, of an encoder
 def test_low_pass_noise_of_the_rotation_is_told(channel):
     rng = drawn_anew(f"low-pass turning {channel}")
     shown = told([residual(rng, {channel: low_passed(rng, 4)}) for _ in range(3)]).shown(NAMES)
@@ -281,11 +281,12 @@ def test_an_effect_found_under_another_noise_has_to_stand_under_this_one(monkeyp
     assert [e.name for e in again.way.fit.point.effects] == [e.name for e in known.effects]
 
 
-def test_the_benchmark_wanders_and_drifts_in_every_group_and_its_older_seeds_do_not():
+@pytest.mark.parametrize("count", tiered([40, 80], (80).__eq__))
+def test_the_benchmark_wanders_and_drifts_in_every_group_and_its_older_seeds_do_not(count):
     """From a seed on; what older ones drew is compared with their answers."""
     rng = drawn_anew("turning seeds")
-    new = [drawn(int(s), "none").noise for s in rng.integers(TURNING, 10**6, 80)]
-    old = [drawn(int(s), "none").noise for s in rng.integers(100, TURNING, 40)]
+    new = [drawn(int(s), "none").noise for s in rng.integers(TURNING, 10**6, count)]
+    old = [drawn(int(s), "none").noise for s in rng.integers(100, TURNING, count // 2)]
     colours = ("wander", "low-pass")
     assert any(x["at"][0] in "Ot" for x in new if x["fault"] in colours)
     assert not any(x["at"][0] in "Ot" for x in old if x["fault"] in colours)
