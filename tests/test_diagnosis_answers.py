@@ -10,7 +10,7 @@ from omnijax.cli import run
 from omnijax.diagnosis import Effect, Point, diagnose
 from omnijax.diagnosis._answer import experiment as _experiment
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 LAW = '''
 from typing import ClassVar

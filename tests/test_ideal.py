@@ -6,11 +6,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from machines import ORTHOGONAL, machine
 from scipy.integrate import solve_ivp
 
 from omnijax.dynamics import drive_forces, external_force, minimum_normal_force, rotation_matrix
 from omnijax.simulation import simulate, torques
+
+pytestmark = pytest.mark.brief
 
 TS = jnp.linspace(0.0, 2.0, 101)
 TORQUE = jnp.array([0.1, 0.2, 0.3])
