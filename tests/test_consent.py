@@ -8,6 +8,8 @@ from omnijax import InputError, load_laws, load_rig
 from omnijax.cli import run
 from omnijax.rig import bundled_rigs
 
+pytestmark = pytest.mark.brief
+
 LAW = '''
 from typing import ClassVar
 import jax.numpy as jnp

@@ -20,6 +20,8 @@ from omnijax import (
 )
 from omnijax.vibration import modes, order_track, rpm_order_map
 
+pytestmark = pytest.mark.brief
+
 RATE = 500.0
 TIME = np.arange(3000) / RATE
 # a run-up from 6 to 30 rad/s: order 14 rises from 13 to 67 Hz

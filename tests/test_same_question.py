@@ -25,6 +25,8 @@ from omnijax.study._evaluation.in_step import wheels_in_step
 from omnijax.study._evaluation.methods import choose
 from omnijax.study._target import read_axes
 
+pytestmark = pytest.mark.brief
+
 STUDY = """
 rig = "atlas"
 duration = 0.02

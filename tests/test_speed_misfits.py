@@ -22,6 +22,8 @@ from omnijax.study._evaluation import Question, evaluation_of
 from omnijax.study._evaluation.coarse import coarse_samples
 from omnijax.view._panel import _sliding
 
+pytestmark = pytest.mark.brief
+
 AROUND = np.deg2rad([10.0, 95.0, 190.0, 280.0])
 _C, _S = np.cos(AROUND), np.sin(AROUND)
 FOUR = (
@@ -55,7 +57,11 @@ def told(work):
 
 
 WAYS = ("simulate", "propagate", "steady", "sweep", "slopes")
-DEAR = ("steady", "slopes")  # in the gate a long run's warning: test_hold
+DEAR = (
+    "steady",
+    "sweep",
+    "slopes",
+)  # in the gate a long run's warning: test_hold; a sweep's: below
 
 
 @pytest.mark.parametrize("way", tiered(WAYS, DEAR.__contains__))
