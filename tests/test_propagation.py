@@ -81,11 +81,16 @@ def test_effects_and_profiles_agree_with_integration(kind):
         assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), channel
 
 
+@eqx.filter_jit
+def _matrices(rig, model):
+    """A, what the shape enters by, and what shows the displacement."""
+    system = linear_system(TRANSLATIONS[model](rig))
+    return system.A, system.into("shape"), system.row("displacement")[0]
+
+
 def _stepped(rig, w, model, ts, count=16000):
     """dR by exponentials of the matrix with the shape's interpolant on a fine grid."""
-    system = linear_system(TRANSLATIONS[model](rig))
-    A, B = np.asarray(system.A), np.asarray(system.into("shape"))
-    C = np.asarray(system.row("displacement")[0])
+    A, B, C = (np.asarray(x) for x in _matrices(rig, model))
     t = np.linspace(0.0, float(ts[-1]), count + 1)
     h, m, n = t[1], len(A), rig.size
     rho = np.asarray(jax.vmap(lambda s: wheel_shape(rig, jnp.asarray(w) * s))(jnp.asarray(t)))
