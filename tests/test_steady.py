@@ -163,7 +163,8 @@ def test_drawn_rigs_have_finite_and_ordered_figures(drawn):
 def test_runout_and_damage_count_over_the_whole_turn():
     def one(severity):
         damaged = laws.DamagedRoller(jnp.asarray(3.0), jnp.asarray(severity))
-        return steady_state(machine(SKEW).add(damaged, "w1"), (0.5, 0.0, 0.0))
+        rig = machine(SKEW).add(damaged, "w1")
+        return steady_state(rig, (0.5, 0.0, 0.0), harmonics=16, grid_bits=7)
 
     plain, damaged = one(0.0), one(0.8)  # one program
     assert float(damaged.order[0, 1]) == 1
