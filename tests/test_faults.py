@@ -10,6 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.faults import commands, inputs, writes
 from tests.faults.flips import flips_of_a_store
+from tests.tiers import tiered
 
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "mkfifo"), reason="this system has no pipes in folders"
@@ -27,12 +28,13 @@ def test_wrong_inputs_end_with_a_sentence_and_change_nothing(tmp_path, monkeypat
     assert wrong == {}, f"seed {SEED}"
 
 
-def test_failed_writes_leave_nothing_half_and_flipped_bits_are_named(tmp_path, monkeypatch):
+@pytest.mark.parametrize("number", tiered([3, 5], (5).__eq__))
+def test_failed_writes_leave_nothing_half_and_flipped_bits_are_named(number, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     commands.prepare_store(tmp_path)
     disk = writes.Disk()
-    count, wrong = writes.some_faults(disk, 3, seed=SEED)
+    count, wrong = writes.some_faults(disk, number, seed=SEED)
     disk.close()
-    assert (count, wrong) == (3, []), f"seed {SEED}"
+    assert (count, wrong) == (number, []), f"seed {SEED}"
     count, wrong = flips_of_a_store(4, seed=SEED)
     assert (count, wrong) == (4, []), f"seed {SEED}"
