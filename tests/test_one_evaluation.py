@@ -455,9 +455,9 @@ def test_a_method_that_evaluates_no_single_design_is_refused(method):
         how.run(rig, speeds([1.0, 2.0, 3.0]))
 
 
-SWEPT = {  # method: what a sweep asks for that takes it; two take rigs that modal forms do not
+SWEPT = {  # method: what a sweep asks for that takes it; three take a rig with a table
     "bulk": {"duration": 0.08},
-    "propagation": {"duration": 0.08},
+    "propagation": {"duration": 0.08, "rate": 250_000.0},  # more samples than are kept in bulk
     "steady-bulk": {},
     "steady": {},
     "fixed": {"duration": 0.08},
@@ -471,7 +471,7 @@ def test_a_sweep_gives_the_figures_of_single_runs(method):
     """Through the public functions alone, three designs with every way to evaluate them."""
     torque, how = method in ("fixed", "full"), SWEPT[method]
     rig = machine(LAYOUTS["four"])
-    if method in ("propagation", "steady"):
+    if method in ("bulk", "propagation", "steady"):
         angle = float(rig.gaps.pitch[0]) * np.linspace(0, 1, 9, endpoint=False)
         bumps = 1e-4 * np.cos(rig.wheels.rollers[0] * angle)
         measured = laws.TableShape.fit(angle, bumps, float(rig.gaps.pitch[0]))
@@ -485,7 +485,7 @@ def test_a_sweep_gives_the_figures_of_single_runs(method):
     for k, value in enumerate(values):
         changed = set_parameter(rig, path, value)
         if "duration" in how:
-            run = simulate(changed, drive, duration=how["duration"])
+            run = simulate(changed, drive, duration=how["duration"], rate=how.get("rate"))
             expected = evaluate(run, changed, METRICS).values()
         else:
             expected = steady_figures(changed, drive)

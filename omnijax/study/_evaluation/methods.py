@@ -20,6 +20,7 @@ from ...simulation import (
     SpeedDrive,
     TorqueDrive,
     exact_obstacle,
+    figures_obstacle,
     modal_obstacle,
     modal_steady_obstacle,
 )
@@ -118,13 +119,13 @@ def _no_rows(q: Question) -> str | None:
 
 
 def _no_modal_run(q: Question) -> str | None:
+    if (reason := modal_obstacle(q.rig, q.model)) is not None or (q.samples or 0) <= MOST_SAMPLES:
+        return reason
+    if (why := figures_obstacle(q.rig, q.model, q.metrics)) is None:
+        return None
     others = [name for name in q.metrics if name not in BULK_METRICS]
-    if others and (q.samples or 0) > MOST_SAMPLES:
-        return (
-            f"{', '.join(others)} need every sample of a run, and {q.samples} are more than "
-            f"{MOST_SAMPLES}"
-        )
-    return modal_obstacle(q.rig, q.model)
+    told = f"{', '.join(others)} need every sample of a run" if others else why
+    return f"{told}, and {q.samples} are more than {MOST_SAMPLES}"
 
 
 def _no_modal_steady(q: Question) -> str | None:
