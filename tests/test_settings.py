@@ -48,6 +48,7 @@ ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas
     "_ode/experiment.py": {5},  # "a fifth"
     "_ode/known.py": {8, 12},  # a difference of fourth order
     "_ode/orders.py": {8, 64},  # orders that one product of matrices gives
+    "_recursion.py": {"BLOCK", 64},  # samples of a call, and matrices that are kept
     "_room.py": {"TABLES", 8.0},
     "_search/calibration.py": {"SEED"},
     "_search/gauss_newton.py": {16},  # a difference from a half and a quarter of a step

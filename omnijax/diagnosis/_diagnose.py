@@ -15,7 +15,6 @@ from ..machine import MachineCase, is_machine_case, read_machine_case
 from ..recording import Case, read_case
 from ._answer import AbstractEvidence, Diagnosis, RigEvidence, white_levels, wrong
 from ._answered import answered
-from ._axis_case import machine_diagnosed
 from ._machine import (
     RigModel,
     check_compared,
@@ -70,6 +69,8 @@ def diagnose(
     # small matrices: threads that wait for each other take ten times the time where cores are busy
     with threadpool_limits(1, "blas"):
         if isinstance(case, MachineCase):
+            from ._axis_case import machine_diagnosed  # a rig's case does not wait for its filters
+
             return machine_diagnosed(case, laws or {}, tell)
         return _diagnosed(case, {**EFFECTS, **(laws or {})}, window, tell)
 

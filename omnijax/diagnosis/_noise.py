@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from .._white_noise import noise_squares
 from ..recording import Case, channels, noise_floor
@@ -117,7 +117,9 @@ def _upper(values: list[np.ndarray]) -> float:
 def _rough(values: list[np.ndarray]) -> float:
     """The quieter half of differences of a high order as a 1-sigma; 0 of a channel that stands."""
     squares = [noise_squares(v, DIFFERENCE) for v in values if len(v) > DIFFERENCE + 1]
-    return float(np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1))) if squares else 0.0
+    if not squares:
+        return 0.0
+    return float(np.sqrt(np.median(np.concatenate(squares)) / (2 * gammaincinv(0.5, 0.5))))
 
 
 def shown_step(values: list[np.ndarray], noise: float) -> float:

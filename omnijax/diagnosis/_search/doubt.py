@@ -8,7 +8,7 @@ Source: the normal law's predictive distribution (Gelman and others, Bayesian Da
 """
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
@@ -50,7 +50,7 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
         point = moved(fit.point, there[:count], fit.free, there[count:])
         if np.linalg.norm(step - last) < SETTLED_SIGMAS:
             break
-    return point if asked < chi2.isf(CHANCE, len(step)) else None
+    return point if asked < chdtri(len(step), CHANCE) else None
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

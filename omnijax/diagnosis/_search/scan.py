@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtrc
 
 from .._settings import SETTINGS
 from .._threads import each
@@ -18,7 +18,7 @@ PIECE = 32  # columns that are worked on together
 
 def chance(gain: float, columns: int) -> float:
     """Probability of such a gain in `columns` directions of white noise."""
-    return float(chi2_law.sf(gain, max(1, columns)))
+    return float(chdtrc(max(1, columns), max(gain, 0.0)))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from .._settings import SETTINGS
 
@@ -174,4 +174,4 @@ def likeliest_colour(columns: Sequence[np.ndarray]) -> tuple[Spectrum, float]:
     plain, gain = best[name]
     beside = Waves(waves.frequency, waves.power / plain.plain(waves.frequency))
     ratio = beside.binned(BIN_WIDTH, BIN_WAVES * len(columns))[:2]
-    return dataclasses.replace(plain, ratio=ratio), float(chi2.sf(gain, NUMBERS[name]))
+    return dataclasses.replace(plain, ratio=ratio), float(chdtrc(NUMBERS[name], max(gain, 0.0)))

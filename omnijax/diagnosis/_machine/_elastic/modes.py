@@ -4,7 +4,8 @@ import dataclasses
 import functools
 
 import numpy as np
-from scipy.signal import lfilter
+
+from ..._recursion import recursion
 
 KEPT = 256  # of weights and of rows that are kept, each of its kind, the last used
 
@@ -190,12 +191,11 @@ def propagate(
     modes: OutputModes, step: float, forcing: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,)."""
-    z = np.empty((len(forcing) + 1, len(modes.rates)), complex)
-    z[0] = start
-    for i, rate in enumerate(modes.rates):
-        e = np.exp(rate * step)
-        z[1:, i] = lfilter([1.0], [1.0, -e], forcing[:, i], zi=np.array([e * start[i]]))[0]
-    return z
+    z = np.empty((len(modes.rates), len(forcing) + 1), complex)
+    z[:, 0], z[:, 1:] = start, forcing.T
+    for own, decay in zip(z, np.exp(modes.rates * step).tolist(), strict=True):
+        recursion(decay, own)
+    return np.ascontiguousarray(z.T)
 
 
 def static_state(modes: OutputModes, inputs: np.ndarray) -> np.ndarray:

@@ -14,9 +14,9 @@ import functools
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.signal import lfilter
 
 from ....recording import channels
+from ..._recursion import recursion
 from ..._search import Spectrum, to_waves
 from ..._settings import SETTINGS
 from .._elastic import OUTPUTS, OutputModes, hold_weights, real_rows
@@ -103,13 +103,13 @@ def shape_response(modes: OutputModes, step: float, wheel: int, signals: np.ndar
     pushed += pair[:, PARTS:] * signals[:, PARTS::PARTS].reshape(1, -1)
     real, imaginary = np.split(pushed.reshape(-1, count, samples - 1), 2)
     first = -gains[:, None] / modes.rates[:, None] * signals[:, 0]
-    z = np.empty((len(gains), 2, count, samples))
+    z, state = np.empty((len(gains), 2, count, samples)), np.empty((count, samples), complex)
     for k, rate in enumerate(modes.rates):
-        decay = np.exp(rate * step)
-        state = lfilter([1.0], [1.0, -decay], real[k] + 1j * imaginary[k],
-                        zi=decay * first[k][:, None])[0]  # fmt: skip
-        z[k, 0, :, 0], z[k, 1, :, 0] = first[k].real, first[k].imag
-        z[k, 0, :, 1:], z[k, 1, :, 1:] = state.real, state.imag
+        state[:, 0] = first[k]
+        state[:, 1:] = real[k] + 1j * imaginary[k]
+        for one in state:
+            recursion(complex(np.exp(rate * step)), one)
+        z[k, 0], z[k, 1] = np.real(state), np.imag(state)
     out = (z.reshape(2 * len(gains), -1).T @ real_rows(modes, OUTPUTS)).reshape(count, samples, -1)
     return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ..._search import (
     NUMBERS,
@@ -169,7 +169,7 @@ class TurningNoise:
         self._known: dict[tuple[int, int, int], _Part] = {}
         every = sum(r.waves.shape[0] * len(self.channels) for r in self.runs)
         chance = SETTINGS.levels.colour_chance / max(1, 2 * len(self.channels))
-        self._price = max(float(np.log(every)), float(chi2.isf(chance, 1)))
+        self._price = max(float(np.log(every)), float(chdtri(1, chance)))
 
     def _quick(self, squares: Sequence[np.ndarray], channel: int) -> Spectrum:
         """White or low-pass noise by the waves of which the free starts take up little.
@@ -190,7 +190,7 @@ class TurningNoise:
         best = {k: _refined(x.spectrum, waves) for k, x in likeliest(waves, 1.0).items()}
         gain = {k: best[k].gain - NUMBERS[k] * price for k in best}
         name = max(gain, key=lambda k: gain[k])
-        least = chi2.isf(SETTINGS.levels.colour_chance, NUMBERS[name])
+        least = chdtri(NUMBERS[name], SETTINGS.levels.colour_chance)
         if name == "walk" or gain[name] < 0 or best[name].gain < least:
             return Spectrum(1.0)
         plain = best[name].spectrum

@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from ...._programs import kept
 from ....dynamics import RotationMoment, TurningLaws, combined, rest_memory, torques
 from ....rig import Rig
+from ..._recursion import recursion
 from ..._settings import SETTINGS
 from .._laws import bare
 from .._motion import RunMotion, rolling_radius
@@ -76,8 +76,10 @@ def held_turning(
     drift = measured - foretold
     keep = np.exp(-PULL * step)
     first = np.zeros((1, 3)) if at_rest else drift[:1]
-    held, _ = lfilter([1 - keep], [1.0, -keep], drift, axis=0, zi=keep * first)
-    return foretold + held
+    held = np.concatenate([first, (1 - keep) * drift]).T.copy()
+    for one in held:
+        recursion(float(keep), one)
+    return foretold + held.T[1:]
 
 
 def path_along(
