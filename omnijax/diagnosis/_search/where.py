@@ -15,11 +15,11 @@ any colour is smooth over frequencies, a line is not.
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.fft import irfft
 from scipy.special import betaincc, fdtrc, stdtr
 from scipy.stats import false_discovery_control
 
@@ -211,11 +211,15 @@ def of_levelled(columns: np.ndarray) -> np.ndarray:
 
 
 def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.ndarray:
-    """Copies (samples, count) of the same spectrum with random phases."""
+    """Copies (samples, count) of the same spectrum with random phases, in single precision."""
     rng = np.random.default_rng(seed)
-    lines = np.fft.rfft(residual)[:, None]
-    phases = np.exp(2j * np.pi * rng.random((len(lines), count)))
-    return np.fft.irfft(lines * phases, len(residual), axis=0)
+    lines = np.fft.rfft(residual)[:, None].astype(np.complex64)
+    phases = (2 * np.pi * rng.random((len(lines), count))).astype(np.float32)
+    turned = np.empty(phases.shape, np.complex64)
+    np.cos(phases, out=turned.real)
+    np.sin(phases, out=turned.imag)
+    turned *= lines
+    return np.asarray(irfft(turned, len(residual), axis=0))
 
 
 def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -227,38 +231,53 @@ def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -
     what its neighbours lead to is an F law; of the slope's error the spread of a Student law is
     asked too where neighbours stand on one side alone.
     """
-    y = np.log(np.maximum(power / lines, 1e-300))
-    out = np.ones(len(power))
-    for k, near, away, inverse, line in _neighbours(middle.astype(float).tobytes()):
-        fit = inverse @ (line.T @ y[near])
-        left = y[near] - line @ fit
-        free = len(near) - 2
-        spread = math.sqrt(left @ left / free * (1 + inverse[1, 1]))
-        student = stdtr(free, (fit[1] - y[k]) / max(spread, 1e-12))
-        over = np.exp(y[near] - fit[0] * away)
-        level = float(over @ lines[near]) / lines[near].sum()
-        ratio = math.exp(y[k]) / max(level, 1e-300)
-        exact = fdtrc(2 * lines[k], 2 * lines[near].sum(), ratio)
-        both = np.sum(near < k) >= NEIGHBOURS and np.sum(near > k) >= NEIGHBOURS
-        out[k] = exact if both else max(exact, student)
+    y, out = np.log(np.maximum(power / lines, 1e-300)), np.ones(len(power))
+    near = _neighbours(middle.astype(float).tobytes())
+    if not len(near.band):
+        return out
+    own, beside, free = y[near.band], y[near.index], near.there.sum(axis=1) - 2
+    slope, level = np.einsum("kab,kja,kj->bk", near.inverse, near.line, beside)
+    left = np.where(near.there, beside - slope[:, None] * near.away - level[:, None], 0.0)
+    spread = np.sqrt(np.sum(left**2, axis=1) / free * (1 + near.inverse[:, 1, 1]))
+    student = stdtr(free, (level - own) / np.maximum(spread, 1e-12))
+    count = np.where(near.there, lines[near.index], 0.0)
+    over = np.exp(beside - slope[:, None] * near.away) * count
+    usual = np.sum(over, axis=1) / count.sum(axis=1)
+    ratio = np.exp(own) / np.maximum(usual, 1e-300)
+    exact = fdtrc(2 * lines[near.band], 2 * count.sum(axis=1), ratio)
+    out[near.band] = np.where(near.on_both_sides, exact, np.maximum(exact, student))
     return out
+
+
+class _Neighbours(NamedTuple):
+    """Bands that have enough neighbours, and straight lines through these.
+
+    `index` holds a band's neighbours, `there` whether it has so many, `away` the log of how far off
+    they are; `line` are a line's columns, `inverse` is that of their inner products.
+    """
+
+    band: np.ndarray  # (k,)
+    index: np.ndarray  # (k, m)
+    there: np.ndarray  # (k, m)
+    away: np.ndarray  # (k, m)
+    line: np.ndarray  # (k, m, 2)
+    inverse: np.ndarray  # (k, 2, 2)
+    on_both_sides: np.ndarray  # (k,)
 
 
 @functools.lru_cache(maxsize=4)
-def _neighbours(middle: bytes) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Bands that have enough neighbours: number, these, log of how far off, and lines through them.
-
-    A line is the inverse of its normal matrix, and the matrix itself.
-    """
-    x, out = np.log(np.frombuffer(middle)), []
-    for k in range(len(x)):
-        near = [j for j in range(k - NEIGHBOURS - 1, k + NEIGHBOURS + 2) if 0 <= j < len(x)]
-        near = np.array([j for j in near if abs(j - k) > 1])
-        if len(near) < NEIGHBOURS:
-            continue
-        line = np.vander(x[near] - x[k], 2)
-        out.append((k, near, x[near] - x[k], np.linalg.inv(line.T @ line), line))
-    return out
+def _neighbours(middle: bytes) -> _Neighbours:
+    """Of bands at some frequencies, Hz."""
+    x = np.log(np.frombuffer(middle))
+    offset = np.array([j for j in range(-NEIGHBOURS - 1, NEIGHBOURS + 2) if abs(j) > 1])
+    index = np.arange(len(x))[:, None] + offset
+    there = (index >= 0) & (index < len(x))
+    band = np.flatnonzero(there.sum(axis=1) >= NEIGHBOURS)
+    there, index = there[band], np.clip(index[band], 0, max(len(x) - 1, 0))
+    away = np.where(there, x[index] - x[band, None], 0.0)
+    line = np.stack([away, there.astype(float)], axis=2)
+    inverse = np.linalg.inv(np.swapaxes(line, 1, 2) @ line)
+    return _Neighbours(band, index, there, away, line, inverse, np.logical_and.reduce(there, 1))
 
 
 def shuffle(
