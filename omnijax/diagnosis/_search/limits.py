@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .._settings import SETTINGS
+from .candidates import is_wave
 from .fit import Fit
 from .model import AbstractModel, to_project
 from .scan import Scan, Score, Signatures, taken_up
@@ -141,8 +142,14 @@ def limit_of(scan: Scan, score: Score, spread: float, key: str) -> float | None:
         return _scaled(score, key, strength)
     rng = np.random.default_rng(0)
     drawn = score.coefficients + rng.normal(size=(DRAWS, root.shape[1])) @ root.T
-    sizes = [np.linalg.norm(score.candidate.decode(c)[key]) for c in drawn]
-    return float(np.quantile(sizes, SURE))
+    return float(np.quantile(_sizes(score.candidate, key, drawn), SURE))
+
+
+def _sizes(candidate, key: str, drawn: np.ndarray) -> np.ndarray:
+    """Sizes (draws,) of a candidate with coefficients (draws, k)."""
+    if drawn.shape[1] == 2 and is_wave(candidate.columns[0].law):  # cosine and sine: hundreds
+        return np.hypot(*drawn.T)
+    return np.array([np.linalg.norm(candidate.decode(c)[key]) for c in drawn])
 
 
 def _scaled(score: Score, key: str, strength: float) -> float | None:
