@@ -48,6 +48,7 @@ SHUFFLED_BLOCKS = SETTINGS.model.shuffled_blocks
 LEAST_LAG = SETTINGS.rig_model.least_lag
 WIDEST_FRICTION = SETTINGS.rig_model.widest_friction
 LIMIT_QUANTILE = SETTINGS.rig_model.limit_quantile
+NEAR_ERRORS = SETTINGS.rig_model.near_errors
 
 
 class RigModel(AbstractModel):
@@ -76,6 +77,7 @@ class RigModel(AbstractModel):
         self.splits["first train"] = self.splits["train"][:1]
         # noise of the rotation that was told last: the basis and the point that it hangs on, and it
         self._turning: tuple[object, object, list[dict[str, Level]]] = None, None, []
+        self._about: Point | None = None  # of the last `rebase`
         self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
         longest = max((run.samples for run in runs), default=0)
         self._runs = [dataclasses.replace(run, longest=longest) for run in runs]
@@ -285,7 +287,7 @@ class RigModel(AbstractModel):
         state at its start.  Start angles of wheels without encoder are estimated with the point's
         laws; their uncertainty enters the rows' covariance through the machine without laws.
         """
-        about = self.rig_at(point)
+        about, self._about = self.rig_at(point), point
         if "machine" in vars(self) or any(run.rolling_start(self.noise) for run in self._runs):
             self.machine.rebase(about)
         else:
@@ -295,6 +297,16 @@ class RigModel(AbstractModel):
             self.machine.rebase(about)
         for i in self.unfitted:
             fit_clocks(self.machine, about, i)
+
+    def based_near(self, fit):
+        """Not so where a run begins rolling: each time the data tell its first state better."""
+        if self._about is None or repr(self._about.effects) != repr(fit.point.effects):
+            return False
+        if self.machine.rolls:
+            return False
+        P = len(fit.point.u)
+        errors = np.sqrt(np.diag(fit.covariance)[:P])
+        return bool(np.all(np.abs(fit.point.u - self._about.u) <= NEAR_ERRORS * errors))
 
     def unsettled(self, point):
         """Laws at contacts and mounts change the elastic state in which a run begins rolling.

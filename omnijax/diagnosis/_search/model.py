@@ -271,6 +271,10 @@ class AbstractModel(abc.ABC):
     def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""
 
+    def based_near(self, fit) -> bool:
+        """Whether the last `rebase` was so near to a fit, by its errors, that none is needed."""
+        return False
+
     def shuffled(
         self, residual: np.ndarray, seed: int, blocks: int = SHUFFLED_BLOCKS
     ) -> np.ndarray:

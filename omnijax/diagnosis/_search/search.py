@@ -142,8 +142,10 @@ class Search:
         if known is None:
             fit = refit(model, start or stated, relative=RELATIVE)
             self.tell("smoothing the runs about the calibrated machine")
-            model.rebase(fit.point)
-            baseline = refit(model, fit.point, baseline=fit.jacobian, relative=RELATIVE)
+            baseline = fit
+            if not model.based_near(fit):
+                model.rebase(fit.point)
+                baseline = refit(model, fit.point, baseline=fit.jacobian, relative=RELATIVE)
         else:  # another noise moves the ends of its refits by little
             self.tell("smoothing the runs anew")
             model.rebase(start or stated)

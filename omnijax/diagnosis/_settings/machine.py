@@ -78,3 +78,6 @@ class RigModelSettings:
     widest_friction: float = 1 / 3
     # of a channel's readings, at which its sensor's limit would be: chosen (peaks are noise's)
     limit_quantile: float = 0.99
+    # 1-sigma of its numbers, within which a fit's runs need not be smoothed anew: chosen (the next
+    # refit moves them by less than a hundredth of that)
+    near_errors: float = 0.1
