@@ -144,6 +144,15 @@ def _refined(spectrum: Spectrum, waves: Waves) -> Likeliest:
     return Likeliest(at(best), float(count @ power) - cost(best))
 
 
+def _substituted(root: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """x (m, k) of L x = `right` with lower triangles L (m, k, k), all at once."""
+    x, columns = right.T.copy(), np.ascontiguousarray(root.transpose(2, 1, 0))
+    for j, own in enumerate(columns):
+        x[j] /= own[j]
+        x[j + 1 :] -= own[j + 1 :] * x[j]
+    return x.T
+
+
 class TurningNoise:
     """The likeliest noise of the rotation's channels in some runs, one for all of them.
 
@@ -256,8 +265,7 @@ class TurningNoise:
             if along.shape[1]:
                 root = np.linalg.cholesky(gram + START_WEIGHT * np.eye(gram.shape[1]))
                 total += 2 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-                told = np.linalg.solve(root, along[:, :, None])[:, :, 0]
-                total -= np.sum(told**2, axis=1)
+                total -= np.sum(_substituted(root, along) ** 2, axis=1)
         return total
 
     @functools.cached_property
