@@ -36,7 +36,7 @@ from ._elastic import (
     rig_modes,
     stepped_ports,
 )
-from ._laws import folds, moving_readings, on_time, readings, remembers
+from ._laws import folds, moving_readings, on_time, radii, readings, remembers
 from ._motion import (
     RunMotion,
     WheelTables,
@@ -146,7 +146,7 @@ class Machine:
                  about: Rig | None = None):  # fmt: skip
         """Prepared about a rig; by default the stated one."""
         self.rig, self.runs, self.noise = rig, runs, noise
-        radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
+        radius = radii(rig) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
         # s by run and group: offsets of the clocks of runs that are not fitted
@@ -376,7 +376,7 @@ class Machine:
         h = run.step / FINE
         Omega = integrate(rate, h)
         rolled = np.einsum("tij,tj->ti", m.axes, Omega)
-        creep = (m.factor - 1) * m.speed * (m.shape + np.asarray(rig.wheel_radius))
+        creep = (m.factor - 1) * m.speed * (m.shape + radii(rig))
         creep = creep / float(rig.sphere.radius)
         length = integrate(rolled - creep, h)[::FINE]
         jumps = np.zeros_like(drive) if jumps is None else jumps

@@ -14,3 +14,4 @@ from .laws import readings as readings
 from .laws import remembers as remembers
 from .ports import ElasticLaws as ElasticLaws
 from .ports import bare as bare
+from .ports import radii as radii

@@ -4,6 +4,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from ....dynamics import contact_forces, contact_signals, mount_signals, mount_tensions
 from ....rig import Acting, Rig, acting
@@ -54,9 +55,14 @@ class ElasticLaws(eqx.Module):
         return jnp.concatenate(total), rates
 
 
+def radii(rig: Rig) -> np.ndarray:
+    """`Rig.wheel_radius` (n,) in m, without a way through jax where no law changes it."""
+    return np.asarray(rig.wheel_radius if rig.at("radius") else rig.wheels.radius)
+
+
 def bare(rig: Rig) -> Rig:
     """The rig without laws and profiles, at the wheels' radius with laws: one structure for all."""
     return eqx.tree_at(
-        lambda r: (r.effects, r.profiles, r.wheels.radius), rig, ((), (), rig.wheel_radius),
+        lambda r: (r.effects, r.profiles, r.wheels.radius), rig, ((), (), radii(rig)),
         is_leaf=lambda x: x is rig.effects or x is rig.profiles,
     )  # fmt: skip

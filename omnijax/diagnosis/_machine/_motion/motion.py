@@ -16,6 +16,7 @@ from .._laws import (
     changed_beside_delays,
     folds,
     outputs_on_time,
+    radii,
     reading_of,
     values_behind,
 )
@@ -157,7 +158,7 @@ def motion(
     rate = spline.derivative()(run.fine(FINE))
     rho = tables.rho(theta_shape)
     shape = rho[:: SHAPE // FINE]
-    speed = rate * radius / (np.asarray(rig.wheel_radius) + shape)
+    speed = rate * radius / (radii(rig) + shape)
     factor = np.ones_like(speed)
     for placed in rig.at("kinematics"):
         for i in placed.wheels:
@@ -204,7 +205,7 @@ def _as_read(
     reading = reading_of(rig, "theta", run, theta, rolls, late=True)
     apart = measured - reading.shown
     scatter = np.where(reading.tells, reading.back(apart), apart)
-    lever = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
+    lever = (radii(rig) + shape) / float(rig.sphere.radius)
     seen = np.isfinite(measured).any(axis=0)
     length = np.where(seen, smoothed + lever * scatter, length)
     return length, np.where(seen & reading.tells, np.abs(reading.slope), 1.0)
@@ -244,7 +245,7 @@ def angles_of(rig: Rig, runs: list[Run]) -> tuple[float, float]:
 
     Of a wheel without encoder by the integral of Omega, and so much more as parts may be off.
     """
-    ratio = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
+    ratio = float(rig.sphere.radius) / radii(rig)
     ends = [0.0]
     for run in runs:
         missing = np.full(rig.size, True)
@@ -264,7 +265,7 @@ def rolling_radius(rig: Rig, m: RunMotion) -> np.ndarray:
 
     `dynamics.rolling_radius` of a whole motion, whose creep factors were evaluated once.
     """
-    return m.factor * (np.asarray(rig.wheel_radius) + m.shape)
+    return m.factor * (radii(rig) + m.shape)
 
 
 def contact_directions(rig: Rig, m: RunMotion) -> np.ndarray:

@@ -10,6 +10,7 @@ from ...._programs import kept
 from ....dynamics import wheel_shape
 from ....rig import Rig
 from ..._settings import SETTINGS
+from .._laws import radii
 
 SHAPING = ("radius", "shape")  # ports whose laws change a wheel's shape
 POINTS = SETTINGS.prediction.table_points
@@ -135,7 +136,7 @@ def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     even = first + np.linspace(0.0, turn * turns, POINTS * turns + 1)
     angle = np.array([with_corners(even, corners) for corners in _corners(rig)]).T
     shape = np.asfortranarray(shape_table(rig, angle))
-    radius = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
+    radius = (radii(rig) + shape) / float(rig.sphere.radius)
     rolled = (radius[1:] + radius[:-1]) / 2 * np.diff(angle, axis=0)
     length = np.zeros_like(angle)
     np.cumsum(rolled, axis=0, out=length[1:])

@@ -9,7 +9,7 @@ from ....rig import Rig
 from ..._orthonormal import orthonormal
 from ..._settings import SETTINGS
 from .._elastic import late_outputs, linear_states, propagate
-from .._laws import on_time, readings
+from .._laws import on_time, radii, readings
 from ..clocks import LoggerClock, offset_of
 from ..runs import SHAPE
 from .data_vector import DataRows, make_rows
@@ -41,7 +41,7 @@ def rows_of(machine, rig: Rig, i: int) -> DataRows:
 def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
     run, ratio = machine.runs[i], machine.basis.ratios[i]
-    radius = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
+    radius = float(rig.sphere.radius) / radii(rig)
     measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
     out = []
     level = np.broadcast_to(run.level("theta"), rig.size)

@@ -16,7 +16,7 @@ from ....dynamics import actuated, body_torques, rolling_torques, shaft_torques
 from ....rig import Placed, Rig, acting, over_wheels
 from ..._settings import SETTINGS
 from .._elastic import refine
-from .._laws import along, follow
+from .._laws import along, follow, radii
 from .._motion import WheelTables, contact_directions, integrate, shape_table
 from .._rotation import commanded, each_law, each_moment
 from ..runs import FINE, SHAPE
@@ -52,7 +52,8 @@ def _shape(base: Linearisation, placed: Placed):
 def _repeats(law, tables: WheelTables, gap) -> bool:
     """Whether a law is the same in each turn that the tables cover."""
     angles = np.random.default_rng(0).uniform(tables.first, tables.first + tables.span, PROBES)
-    here, later = (shape_along(law, x, gap) for x in (angles, angles + 2 * np.pi))
+    both = shape_along(law, np.concatenate([angles, angles + 2 * np.pi]), gap)
+    here, later = np.split(both, 2)
     return np.allclose(here, later, rtol=0.0, atol=1e-9 * np.abs(here).max())
 
 
@@ -244,7 +245,7 @@ def encoder_shifted(base: Linearisation, change: np.ndarray):
     They shift the angle of the shape's look-up, and the rolled length.
     """
     m, run = base.motion, base.run
-    radius = (np.asarray(base.rig.wheel_radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
+    radius = (radii(base.rig) + m.shape[::FINE]) / float(base.rig.sphere.radius)
     shape = -base.rho_slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
     return transfer(base, shape=shape), rotation
