@@ -75,6 +75,7 @@ ANGLE_NOISE = SETTINGS.prediction.angle_noise
 MOVING_N = ("surface", "platform", "contact", "separation", "mount")
 OF_THE_RIG = ("tables", "modes")  # stages that hang on a rig, and on no run's start or basis
 TABLES = 3  # of wheels that are kept: they are large where a shape differs from turn to turn
+LINEAR = 3  # linear runs below stepped laws that are kept: they are large, 16 points a sample
 READINGS = 4  # late ones of a run that are kept: two groups', each also a little later
 
 
@@ -189,13 +190,14 @@ class Machine:
         if rig.at("rolling"):  # else no N enters, and what was rotated stays
             rotated = self.rotated(rig, turns=SETTINGS.prediction.rebase_turns)
             basis = dataclasses.replace(basis, normal=tuple(r.normal for r in rotated.values()))
-            self._begin(basis, "driven", "rotated", "predicted")  # motions do not hang on N
+            # motions do not hang on N
+            self._begin(basis, "driven", "rotated", "linear", "predicted")
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
         states = each(lambda i: rolling_state(self, rig, i), begin)
         if begin:
             basis = dataclasses.replace(basis, rolling=dict(zip(begin, states, strict=True)))
-            self._begin(basis, "rotated", "predicted")
+            self._begin(basis, "rotated", "linear", "predicted")
 
     def _begin(self, basis: Basis, *stages: str) -> None:
         """Take another basis and drop the kept `stages` that depend on it (none given: all)."""
@@ -464,12 +466,17 @@ class Machine:
 
     def _predicted(self, rigs: list[Rig], i: int, steps: int) -> list[Predicted]:
         out, lanes, places = [], [], []
-        linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
+        linear: dict[bytes, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
             m, rotated, stepped = self.modes(rig), self.rotated(rig, [i])[i], stepped_ports(rig)
-            key = (id(m), id(rotated), digest(rig.at("surface"), rig.at("platform")), stepped)
+            key = repr((id(m), id(rotated), stepped, steps)).encode() + self._name(i)
+            key += digest(rig.at("surface"), rig.at("platform"))
             if key not in linear:  # with what the key names, so that it stays alive
-                linear[key] = (m, rotated, self._linear(rig, i, rotated, stepped, steps))
+
+                def made(rig=rig, m=m, rotated=rotated, stepped=stepped) -> tuple:
+                    return m, rotated, self._linear(rig, i, rotated, stepped, steps)
+
+                linear[key] = self._kept.get("linear", key, made, LINEAR) if stepped else made()
             *_, (outputs, signals, late) = linear[key]
             if stepped:
                 lanes.append(Lane(rig, m, self.runs[i], signals))
@@ -497,7 +504,7 @@ class Machine:
 
         if not stepped:
             return out, np.zeros((0, 0)), late
-        rate = self.shape_rate(rig, rotated.motion, parts)
+        rate = None if "contact" not in stepped else self.shape_rate(rig, rotated.motion, parts)
         return out, felt(m, z, ports, rate, stepped, parts), late
 
     def residuals(self, rigs: list[Rig], which: list[int], steps: int = STEPS) -> list[np.ndarray]:

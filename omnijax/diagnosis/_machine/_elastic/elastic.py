@@ -130,7 +130,7 @@ def felt(
 ):
     """Deflections and rates (t, 2 n a port) of modal states `z` at the ports `where`.
 
-    In the order of `SIGNALS`; `rate` (t, n) is d rho/dt of the wheels' shapes.
+    In the order of `SIGNALS`; `rate` (t, n) is d rho/dt of the wheels' shapes, which contacts feel.
     """
     signals = outputs_of(m, z, ports, signal_names(where), parts)
     if "contact" in where:
