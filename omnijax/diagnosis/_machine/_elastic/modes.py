@@ -139,6 +139,8 @@ def forced(m: OutputModes, step: float, intervals: int, **inputs: np.ndarray) ->
     """
     total = np.zeros((intervals, len(m.rates)), complex)
     for name, values in inputs.items():
+        if not acts(values):
+            continue
         used = tuple(c for c in range(values.shape[1]) if acts(values[:, c]))
         if used:
             some = np.ascontiguousarray(values[:, used] if len(used) < values.shape[1] else values)
@@ -191,11 +193,10 @@ def propagate(
     modes: OutputModes, step: float, forcing: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,)."""
-    z = np.empty((len(modes.rates), len(forcing) + 1), complex)
-    z[:, 0], z[:, 1:] = start, forcing.T
-    for own, decay in zip(z, np.exp(modes.rates * step).tolist(), strict=True):
-        recursion(decay, own)
-    return np.ascontiguousarray(z.T)
+    z = np.empty((len(forcing) + 1, len(modes.rates)), complex)
+    z[0], z[1:] = start, forcing
+    recursion(np.exp(modes.rates * step).tolist(), z)
+    return z
 
 
 def static_state(modes: OutputModes, inputs: np.ndarray) -> np.ndarray:

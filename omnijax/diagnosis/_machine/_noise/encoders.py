@@ -108,7 +108,7 @@ def shape_response(modes: OutputModes, step: float, wheel: int, signals: np.ndar
         state[:, 0] = first[k]
         state[:, 1:] = real[k] + 1j * imaginary[k]
         for one in state:
-            recursion(complex(np.exp(rate * step)), one)
+            recursion([complex(np.exp(rate * step))], one[:, None])
         z[k, 0], z[k, 1] = np.real(state), np.imag(state)
     out = (z.reshape(2 * len(gains), -1).T @ real_rows(modes, OUTPUTS)).reshape(count, samples, -1)
     return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]

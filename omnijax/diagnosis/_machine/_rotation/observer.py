@@ -76,10 +76,9 @@ def held_turning(
     drift = measured - foretold
     keep = np.exp(-PULL * step)
     first = np.zeros((1, 3)) if at_rest else drift[:1]
-    held = np.concatenate([first, (1 - keep) * drift]).T.copy()
-    for one in held:
-        recursion(float(keep), one)
-    return foretold + held.T[1:]
+    held = np.concatenate([first, (1 - keep) * drift])
+    recursion([float(keep)] * held.shape[1], held)
+    return foretold + held[1:]
 
 
 def path_along(
