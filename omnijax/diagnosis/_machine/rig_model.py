@@ -350,7 +350,7 @@ class RigModel(AbstractModel):
             for i, part in zip(split, self._by_run(residual, split), strict=True):
                 parts.setdefault(whole_of(self.machine.runs[i], i), []).append(part)
         runs = zip(parts.values(), self._steps, strict=True)
-        return TurningNoise([RunWaves.of(some, step) for some, step in runs], levels)
+        return TurningNoise(each(lambda run: RunWaves.of(*run), runs), levels)
 
     def turning_levels(self, point: Point) -> list[dict[str, Level]]:
         """By train and then held-out run the noise of the rotation's channels that has a colour.
@@ -500,8 +500,10 @@ class RigModel(AbstractModel):
                 if k == 0 and first % TOLD == 0:
                     self.tell(f"{len(shifts) + first} of {len(shifts) + len(alone)} signatures")
                 few = alone[first : first + TOGETHER]
-                tables = signatures(base, [placed[j] for j in few])
-                exact = np.stack([rows.vector(*x) for x in tables])
+                exact = np.empty((len(few), rows.size))
+                both = signatures(base, [placed[j] for j in few])
+                for row, tables in zip(exact, both, strict=True):
+                    rows.write(row, *tables)
                 rows.take_off(exact)
                 part[few] = exact
             for j, ones in sums.items():

@@ -58,14 +58,20 @@ class DataRows:
 
         What was not measured is zero; a prediction that is not finite stays so.
         """
-        out = np.zeros(self.size)
-        for values, weight, part in (
-            (elastic, self.elastic, slice(0, self.elastic.size)),
-            (rotation, self.rotation, slice(self.elastic.size, None)),
-        ):
-            if values is not None:
-                out[part] = np.where(weight > 0, values * weight, 0.0).ravel()
+        out = np.empty(self.size)
+        self.write(out, elastic, rotation)
         return out
+
+    def write(self, out: np.ndarray, elastic, rotation) -> None:
+        """`vector` into a contiguous array (rows,)."""
+        for values, weight, part in zip(
+            (elastic, rotation), (self.elastic, self.rotation), self.split(out), strict=True
+        ):
+            if values is None:
+                part[:] = 0.0
+            else:
+                np.multiply(values, weight, out=part)
+                np.copyto(part, 0.0, where=weight <= 0)
 
     def project(self, x: np.ndarray) -> np.ndarray:
         """`x` (rows,) or (rows, k), whitened, less its part along the nuisance directions."""
