@@ -141,9 +141,9 @@ class Search:
         stated = Point(np.zeros(len(model.priors)))
         if known is None:
             fit = refit(model, start or stated, relative=RELATIVE)
-            self.tell("smoothing the runs about the calibrated machine")
             baseline = fit
             if not model.based_near(fit):
+                self.tell("smoothing the runs about the calibrated machine")
                 model.rebase(fit.point)
                 baseline = refit(model, fit.point, baseline=fit.jacobian, relative=RELATIVE)
         else:  # another noise moves the ends of its refits by little
