@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from references import REFERENCES
 from seeds import drawn_anew
+from tiers import more
 
 from omnijax import (
     InputError,
@@ -116,8 +117,8 @@ def slow(rig):
     )
 
 
-def test_sensors_that_remember_have_seen_the_run_between_its_samples(slow, rig, tmp_path):
-    """As the same run at eight times the rate; from a file too, and as the command makes it."""
+def test_sensors_that_remember_have_seen_the_run_between_its_samples(slow, rig):
+    """As the same run at eight times the rate."""
     speed, times = [0.7, 2.1, -0.4], np.arange(60) * 2e-3
     run, fine = simulate(slow, speeds(speed), times), np.arange(8 * 59 + 1) * 2.5e-4
     np.testing.assert_allclose(run.t, times, atol=1e-15)
@@ -128,8 +129,15 @@ def test_sensors_that_remember_have_seen_the_run_between_its_samples(slow, rig, 
     by_samples = measured(propagate(rig, speeds(speed), times), slow)
     assert np.abs(by_samples["a"] - seen["a"]).max() > 0.02 * np.abs(seen["a"]).max()
     assert np.abs(by_samples["dR"] - seen["dR"]).max() > 1e-7  # m, more than any tolerance above
+
+
+@pytest.mark.full  # in the gate what they have seen, above, and the command: test_cli_simulate
+def test_files_and_the_command_keep_what_such_sensors_have_seen(slow, tmp_path):
+    speed, times = [0.7, 2.1, -0.4], np.arange(60) * 2e-3
+    run = simulate(slow, speeds(speed), times)
     again = Trajectory.load(run.save(tmp_path / "run.nc", slow))
     assert eqx.tree_equal(again, run)
+    seen = measured(run, slow)
     numerics = SimpleNamespace(model="coupled", solver="auto", rtol=None, max_steps=None)
     commanded = perform(planned(slow, speeds(speed), times, numerics), None)
     for group, values in measured(commanded, slow).items():  # programs of other lengths round
@@ -189,14 +197,14 @@ def test_the_torques_of_prescribed_speeds_drive_the_machine_at_these_speeds(rig)
     for law, place in [
         drawn("bearing-viscous", *wheels, b=(0.01, 0.05)),
         drawn("bearing-coulomb", *wheels, torque=(0.05, 0.2)),
-        drawn("motor-gain", *wheels, g=(-0.3, 0.3)),
+        drawn("motor-gain", *rig.names, g=(-0.3, 0.3)),
         drawn("load-friction", *wheels, mu=(0.1, 0.4)),
         drawn("current-ripple", *rig.names, g=(0.1, 0.4), order=(1, 9), phase=(0, 6)),
         drawn("rolling-resistance", "all", arm=(1e-4, 1e-3)),
     ]:
         made = made.add(law, place)
     ends, after = rng.uniform(-4, 4, (2, 3))
-    ts = np.linspace(0, 0.2, 801)
+    ts = np.linspace(0, 0.05, 201)
     drive = speeds(ramp(0.0, 0.2, ends, after), initial_angle=rng.uniform(0, 6, 3))
     run = simulate(made, drive, ts)
     again = simulate(
@@ -241,6 +249,7 @@ def test_wrong_files_are_refused(run, tmp_path):
         Trajectory.load(tmp_path / "bad.nc")
 
 
+@pytest.mark.full  # in the gate three wheels, above; a run of four: test_afternoon
 def test_machines_of_other_sizes_keep_their_wheels(run, tmp_path):
     two = {name: getattr(run, name)[:, :2] for name in PER_WHEEL}
     run = dataclasses.replace(run, names=run.names[:2], **two)
@@ -256,13 +265,16 @@ def one_bit(rng, content):
     return bytes(flipped)
 
 
-def test_a_bit_that_flips_in_a_file_is_noticed_wherever_it_stands(run, rig, tmp_path, capfd):
+@pytest.mark.parametrize("in_text, anywhere", [(1, 1), *more((2, 6))])
+def test_a_bit_that_flips_in_a_file_is_noticed_wherever_it_stands(
+    run, rig, tmp_path, capfd, in_text, anywhere
+):
     rng = drawn_anew("a_bit_that_flips_in_a_file_is_noticed_wherever_it_stands")
     file = run.save(tmp_path / "a.nc", rig, command="omnijax simulate")
     right, content = load_netcdf(file), file.read_bytes()
     text = right.attrs["rig"].encode()  # of which HDF5 may leave a copy where nothing reads it
-    cases = [(content.replace(text, one_bit(rng, text)), True) for _ in range(2)]
-    cases += [(one_bit(rng, content), False) for _ in range(6)]
+    cases = [(content.replace(text, one_bit(rng, text)), True) for _ in range(in_text)]
+    cases += [(one_bit(rng, content), False) for _ in range(anywhere)]
     for flipped, surely in cases:
         file.write_bytes(flipped)
         with warnings.catch_warnings(record=True) as told:
