@@ -9,8 +9,11 @@ import pytest
 
 from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording, simulation
 from omnijax._files import pieces_folder
+from omnijax.cli._inputs.drive import asked
+from omnijax.cli._inputs.motion import MotionOptions
 from omnijax.cli._simulate.summary import not_believed
 from omnijax.dynamics import mobility
+from omnijax.simulation import SpeedDrive
 from omnijax.simulation._solve import solve as _solve
 
 pytestmark = pytest.mark.brief
@@ -71,6 +74,7 @@ def test_a_failed_run_keeps_what_was_computed(capsys, tmp_path):
     assert 0 < kept.time_reached < 0.5
 
 
+@pytest.mark.full  # in the gate killed runs that go on: test_files
 def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     whole, parts = tmp_path / "whole.nc", tmp_path / "parts.nc"
     arguments = ["atlas", "--torque", "0.1,0.2,0.3", "--duration", "60ms", "--rate", "20kHz"]
@@ -102,6 +106,7 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     assert not pieces_folder(parts).exists()
 
 
+@pytest.mark.full  # in the gate killed runs: test_files
 def test_an_interruption_behind_the_run_says_which_file_is_missing(capsys, tmp_path, monkeypatch):
     """It said `Interrupted after 8 s` of a run of 8 s."""
     out, plot = tmp_path / "run.nc", tmp_path / "run.svg"
@@ -155,6 +160,7 @@ def interrupted_after(count, pieces):
     return interrupted
 
 
+@pytest.mark.full  # in the gate: test_files, and of studies test_study_resume
 def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
     out = tmp_path / "run.nc"
     times = ["--duration", "60ms", "--rate", "20kHz", "--out", out]
@@ -200,6 +206,25 @@ def test_wrong_input_is_one_message_and_code_2(capsys, arguments, message):
     assert "Traceback" not in error
 
 
+def test_the_sphere_a_ramp_and_a_table_of_speeds_are_the_same_speeds(tmp_path):
+    """Atlas: wheel i turns axis i alone, omega_i = R / r_b Omega_i up to the axis."""
+    rig, up = load_rig("atlas"), tmp_path / "up.csv"
+    up.write_text("t (ms),speed_w1 [rpm],speed_2,speed_w3\n0,0,1,-2\n100,30,1,2\n")
+    ends = [mobility(rig).to_sphere @ [x, 1, y] for x, y in ((0, -2), (np.pi, 2))]
+    omega = ",".join(f"{a!r}..{b!r}" for a, b in zip(*(e.tolist() for e in ends), strict=True))
+    for motion, file in (
+        (MotionOptions(speed="0..30 rpm,1,-2..2", duration="100 ms"), None),
+        (MotionOptions(omega=omega, duration="100 ms"), None),
+        (MotionOptions(), up),
+    ):
+        drive = asked(rig, motion, file).drive
+        assert isinstance(drive, SpeedDrive)
+        for share in (0.0, 0.3, 1.0):
+            wanted = [share * np.pi, 1, -2 + 4 * share]
+            np.testing.assert_allclose(drive.speed(0.1 * share), wanted, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.full  # in the gate their speeds, above
 def test_the_sphere_a_ramp_and_a_table_of_speeds_are_the_same_drive(capsys, tmp_path):
     """Atlas: wheel i turns axis i alone, omega_i = R / r_b Omega_i up to the axis."""
     ramp, table, sphere = (tmp_path / f"{x}.nc" for x in ("ramp", "table", "sphere"))

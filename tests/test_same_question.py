@@ -267,7 +267,7 @@ def test_the_long_run_of_wheels_in_step_is_the_mean_over_their_start_angles():
     assert np.ptp(runs.rms.values) > 0.1 * mean  # they do matter
 
 
-def test_speeds_that_fit_the_sphere_of_another_rig_are_told(tmp_path, capsys):
+def test_speeds_that_fit_the_sphere_of_another_rig_are_told(capsys, monkeypatch):
     """A sweep of the radius turned every sphere at another speed, without a word."""
     rng, rig = drawn_anew("refit"), load_rig("atlas-tripod")
     told = refit_remarks(rig, ["sphere.mass", "speed.w1", "wheel.w2.radius", "contact.stiffness"])
@@ -276,7 +276,14 @@ def test_speeds_that_fit_the_sphere_of_another_rig_are_told(tmp_path, capsys):
     omega = ",".join(f"{x:.3f}" for x in rng.uniform(0.5, 2, 3))
     words = ["sweep", "atlas-tripod", "--omega", omega, "--vary", "sphere.radius=0.9,1.0"]
     words += ["--duration", "20ms"]
-    assert run(words) == 0 and "`sphere.radius` varied, other designs" in capsys.readouterr().err
+
+    def asked(*_, **__):
+        raise InputError("asked.")
+
+    monkeypatch.setattr("omnijax.study.sweep", asked)
+    assert run(words) == 2
+    told = capsys.readouterr().err
+    assert "`sphere.radius` varied, other designs" in told and "asked." in told
     study = {"rig": "atlas-tripod", "drive": [{"omega": [0.0, 1.0, 2.0]}]}
     ranged = {"path": "wheel.radius", "low": 0.03, "high": 0.05}
     with pytest.warns(DataWarning, match="the rig as it stands"):

@@ -21,6 +21,7 @@ def _dR(rig, model):
     return eqx.filter_jit(simulate)(rig, speeds(SPEEDS), TS, model=model).dR
 
 
+@pytest.mark.full  # in the gate their responses, below
 def test_paper_equals_coupled_for_orthonormal_wheels_on_a_heavy_platform():
     """No platform reaction, no wheel inertia in its frame, no drive force: one model."""
     rig = machine(ORTHOGONAL, platform_mass=1e9, sphere_inertia=1e-9)
@@ -28,10 +29,34 @@ def test_paper_equals_coupled_for_orthonormal_wheels_on_a_heavy_platform():
     np.testing.assert_allclose(paper, coupled, rtol=0, atol=1e-6 * float(jnp.max(jnp.abs(coupled))))
 
 
+@pytest.mark.full  # in the gate their responses, below
 def test_paper_differs_from_coupled_elsewhere():
     for rig in (machine(SKEW, platform_mass=1e9, sphere_inertia=1e-9), machine(ORTHOGONAL)):
         coupled, paper = _dR(rig, "coupled"), _dR(rig, "paper")
         assert float(jnp.max(jnp.abs(paper - coupled)) / jnp.max(jnp.abs(coupled))) > 1e-3
+
+
+def test_their_responses_are_one_for_orthonormal_wheels_on_a_heavy_platform():
+    """Of the displacement to the shape, at speeds beside and among the natural frequencies."""
+    heavy = {"platform_mass": 1e9, "sphere_inertia": 1e-9}
+    for rig, alike in (
+        (machine(ORTHOGONAL, **heavy), True),
+        (machine(SKEW, **heavy), False),
+        (machine(ORTHOGONAL), False),
+    ):
+        coupled, paper = (np.asarray(_responses(model(rig))) for model in (Coupled, Paper))
+        off = np.abs(paper - coupled).max() / np.abs(coupled).max()
+        assert off < 1e-6 if alike else off > 1e-3
+
+
+def _responses(translation):
+    """From the shape to the displacement at frequencies from 3 to 3000 rad/s, (f, 3, n)."""
+    system = linear_system(translation)
+    A, B, C = (
+        np.asarray(x) for x in (system.A, system.into("shape"), system.row("displacement")[0])
+    )
+    at = 1j * np.geomspace(3.0, 3e3, 40)[:, None, None] * np.eye(len(A))
+    return C @ np.linalg.solve(at - A, np.broadcast_to(B, (40, *B.shape)))
 
 
 def test_linear_system_is_the_translation():
@@ -52,6 +77,7 @@ def test_linear_system_is_the_translation():
     assert np.all(off == 0)
 
 
+@pytest.mark.full  # in the gate every channel of a separate program: test_reference
 def test_deflection_rate_jumps_at_a_gap_edge():
     """r_w'' holds an impulse there; it is carried without evaluating r_w''.
 
