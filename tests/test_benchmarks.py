@@ -110,6 +110,7 @@ def test_what_is_timed_compiles_nothing_once_warm():
     assert compiled
 
 
+@pytest.mark.full  # in the gate the program in C beside the modes, above
 @ANY_SPEEDS
 @pytest.mark.parametrize("count", tiered([3, 4], lambda count: count == 4))
 def test_general_machines_are_the_rigs_they_are_measured_beside(count):

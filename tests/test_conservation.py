@@ -77,6 +77,7 @@ def _dissipated(rig, run):
     return CubicSpline(TS, power).antiderivative()(TS)
 
 
+@pytest.mark.full  # in the gate momentum, above, and a separate program: test_reference
 def test_energy_is_constant_without_damping_and_falls_by_the_dampers_work_with_them():
     """The same figure twice, on a rig drawn anew: it stays, or it goes where the dampers say."""
     rng = drawn_anew("energy")

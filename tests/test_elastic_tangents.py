@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 from test_plant import recorded, runs_of
+from tiers import tiered
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine._where.locate import _tangents
@@ -27,9 +28,9 @@ def _cut(run: Run, first: int) -> Run:
     )  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=(0, 100))
+@pytest.fixture(scope="module", params=tiered((0, 100), (0).__eq__))
 def model(request, tmp_path_factory):
-    """Short runs, from rest or rolling, as a model of the stated machine."""
+    """Short runs, from rest (with the whole suite) or rolling, as a model of the stated machine."""
     folder = tmp_path_factory.mktemp("elastic")
     plant, _, tables = recorded(folder, 70, 1.5, noise=0.0)
     runs = [_cut(run, request.param) for run in runs_of(tables)]

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tiers import more
+from tiers import more, tiered
 
 from omnijax import InputError, _files
 from omnijax.cli import run
@@ -86,8 +86,17 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("words, said", REFUSED.values(), ids=REFUSED)
-def test_nothing_of_the_users_is_written_over(here, capsys, words, said):
+# in the gate every command and every kind of refusal once, which these repeat
+FURTHER = {
+    "rig by a packed run", "rig by a Parquet run", "a file beside", "an older run", "a picture",
+    "a store below a device", "the run by its replay", "the study's rig", "a file as a folder",
+    "a page as a folder", "a page of sensitivities", "a zero byte",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", tiered(REFUSED, FURTHER.__contains__))
+def test_nothing_of_the_users_is_written_over(here, capsys, kind):
+    words, said = REFUSED[kind]
     words = words.split(" ")
     full = [x for w in words for x in ({"-S": SHORT, "-s": SHORT[:2]}.get(w) or (w,))]
     if words[3:4] == ["page/index.html.png"] or "index.html.png" in words[-1]:

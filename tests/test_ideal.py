@@ -26,6 +26,7 @@ def _ideal():
     return rig, run
 
 
+@pytest.mark.full  # in the gate a free body, below, and a separate program: test_reference
 def test_sphere_velocity_is_linear_in_time():
     rig, run = _ideal()
     r, R = rig.wheels.radius[0], rig.sphere.radius
@@ -38,11 +39,13 @@ def test_sphere_velocity_is_linear_in_time():
     np.testing.assert_allclose(run.attitude, expected, atol=1e-8)
 
 
+@pytest.mark.full  # in the gate the rotation of a free body, below
 def test_quaternion_norm_is_kept():
     _, run = _ideal()
     np.testing.assert_allclose(jnp.linalg.norm(run.attitude, axis=1), 1.0, atol=1e-14)
 
 
+@pytest.mark.full  # in the gate the momentum under a force: test_conservation
 def test_centre_of_mass_moves_on_a_parabola():
     rig, run = _ideal()
     wheels = rig.wheels
@@ -52,6 +55,7 @@ def test_centre_of_mass_moves_on_a_parabola():
     np.testing.assert_allclose(centre, expected, atol=1e-9)
 
 
+@pytest.mark.full  # in the gate propagated: test_propagation
 def test_round_wheels_do_not_shake_the_sphere():
     rig = machine(roundness=0.0)
     run = eqx.filter_jit(simulate)(rig, torques([0.0] * 3), TS)

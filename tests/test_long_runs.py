@@ -61,6 +61,7 @@ def test_pieces_are_the_run_and_go_on_from_any_of_them(rng, kind):
         np.testing.assert_allclose(left, right, atol=1e-6 * size, err_msg=name)
 
 
+@pytest.mark.full  # in the gate the pieces' numbers, above
 def test_pieces_of_runs_of_any_length_are_one_program(rng, monkeypatch):
     """Every power of two was a program of its own: `simulate` compiled 4 s for another duration."""
     module, lengths = sys.modules[propagate.__module__], set()

@@ -153,11 +153,13 @@ def test_every_law_of_the_rotation_is_predicted(turning):
     check_every_law(turning, TURNING, 0.12)
 
 
+@pytest.mark.full  # in the gate drawn ones, below
 def test_every_law_of_the_elastic_machine_is_predicted(ringing):
     """The steps at the edges of the play and of the gaps leave a third of a sigma."""
     check_every_law(ringing, ELASTIC, 0.4)
 
 
+@pytest.mark.full  # in the gate drawn sensors, below
 @pytest.mark.parametrize(
     ("name", "group", "value"),
     [("sensor-lag", "dR", 4e-3), ("sensor-lag", "a", 2e-3), ("sensor-delay", "a", 1.2e-3)],

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from tiers import tiered
+from tiers import more, tiered
 
 from omnijax import cli
 from omnijax.machine import LogFile, free_run, parse_machine, read_log
@@ -155,24 +155,24 @@ def test_a_log_of_inputs_alone_moves_an_axis_from_rest(tmp_path, capsys):
     assert "no column `position` (rad) or `velocity` (rad/s)" in capsys.readouterr().err
 
 
-def test_numbers_of_effects_are_in_the_units_of_the_motion(tmp_path):
+@pytest.mark.parametrize("motion, law, keys", [
+    ("translation", "bearing-coulomb", {"torque": "N", "width": "m/s"}),
+    *more(("rotation", "mount-cubic", {"k3": "N m/rad^3"}),
+          ("rotation", "mount-friction", {"force": "N m", "width": "rad/s"})),
+])  # fmt: skip
+def test_numbers_of_effects_are_in_the_units_of_the_motion(tmp_path, motion, law, keys):
     _, log, _ = made(tmp_path, 6)
-    for motion, law, keys in (
-        ("translation", "bearing-coulomb", {"torque": "N", "width": "m/s"}),
-        ("rotation", "mount-cubic", {"k3": "N m/rad^3"}),
-        ("rotation", "mount-friction", {"force": "N m", "width": "rad/s"}),
-    ):
-        effect = {"id": law, "parameters": dict.fromkeys(keys, 0.1)}
-        file = parse_machine({"kind": "axis", "motion": motion, "motor": {}, "effect": [effect],
-                              "axis": {"inertia": 1.0, "stiffness": 1.0}})  # fmt: skip
-        for key, unit in keys.items():
-            path = f"effect.{law}.{key}"
-            result = sweep_machine(file, log, {path: f"50 m{unit}:80 m{unit}:2"})
-            assert result.units == (unit,) and sensitivity_machine(
-                file, log, parameters=[path]
-            ).units == (unit,)
-            np.testing.assert_allclose(result.values[:, 0], [0.05, 0.08])
-            assert result.to_xarray()["parameter_unit"].values.tolist() == [unit]
+    effect = {"id": law, "parameters": dict.fromkeys(keys, 0.1)}
+    file = parse_machine({"kind": "axis", "motion": motion, "motor": {}, "effect": [effect],
+                          "axis": {"inertia": 1.0, "stiffness": 1.0}})  # fmt: skip
+    for key, unit in keys.items():
+        path = f"effect.{law}.{key}"
+        result = sweep_machine(file, log, {path: f"50 m{unit}:80 m{unit}:2"})
+        assert result.units == (unit,) and sensitivity_machine(
+            file, log, parameters=[path]
+        ).units == (unit,)
+        np.testing.assert_allclose(result.values[:, 0], [0.05, 0.08])
+        assert result.to_xarray()["parameter_unit"].values.tolist() == [unit]
 
 
 def test_lists_of_an_effect_are_no_numbers_to_vary(tmp_path):

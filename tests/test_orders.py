@@ -117,6 +117,7 @@ def test_missing_samples_and_reversals_do_no_harm():
         np.testing.assert_allclose(track.amplitude[np.isfinite(track.amplitude)], 3e-6, rtol=0.02)
 
 
+@pytest.mark.full  # in the gate those of a measured run, below
 def test_rollers_of_a_simulated_wheel_are_its_orders():
     run = propagate(machine(rollers=10.0), speeds([0.0, 9.0, 0.0]), np.arange(1500) / RATE)
     name = run.names[1]
@@ -202,6 +203,7 @@ def test_options_of_orders_are_read_as_drives_are():
     assert told.orders[-1] == pytest.approx(20, abs=0.1)
 
 
+@pytest.mark.full  # in the gate channels by their names: test_python
 def test_wheels_called_x_y_and_z_leave_the_axes_what_they_are():
     """The wheels' places were read in the place of the axes'."""
     data = tables()

@@ -201,6 +201,7 @@ def test_more_rollers_than_a_traced_turn_has_room_for_are_refused():
     assert np.isnan(period(jnp.full(3, 48.0)))
 
 
+@pytest.mark.full  # in the gate starts at edges, below
 def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
     """Rounding puts such a sample a hair before or behind the edge; nothing jumps there."""
     rng = drawn_anew("samples on edges")
@@ -238,6 +239,7 @@ def test_a_sweep_of_wheels_that_turn_backwards_sees_what_a_run_sees():
         assert float(swept.to_xarray()[name][0]) == pytest.approx(float(run[name]), rel=1e-6)
 
 
+@pytest.mark.full  # in the gate ramps, above, and many periods, below
 def test_a_run_at_late_times_is_that_at_early_ones():
     """Before a jump at a late time the speed behind it was read, and gaps went unseen."""
     rng = drawn_anew("late times")

@@ -101,6 +101,7 @@ def test_slow_poles_beside_fast_ones_are_as_good_as_these():
     np.testing.assert_allclose(inverse, -damping / contact, rtol=2e-12)
 
 
+@pytest.mark.full  # in the gate others that are: test_shifted_qr
 def test_pairs_that_are_hardly_two_are_left_to_lapack():
     """Two equal oscillators that hardly move each other: their quadratics have roots in common."""
     rng = drawn_anew("weak")

@@ -107,6 +107,7 @@ def test_gradients_of_runs_are_slopes_between_designs():
             assert result[f"d_{metric}.{path}"][1, 1, 1] == pytest.approx(slope, rel=1e-4)
 
 
+@pytest.mark.full  # in the gate a force as a quantity: test_one_evaluation
 def test_a_force_on_the_platform_counts_in_every_row():
     """Given or varied; in steady states too by the contract of `test_one_evaluation`."""
     at, varied = (0.0, 30.0, 0.0), {"force.x": [0.0, 50.0, 100.0]}

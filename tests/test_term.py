@@ -99,6 +99,7 @@ class SwayingDelay(AbstractCommand):
         return -self.d * (1 + jnp.sin(self.w * signal))
 
 
+@pytest.mark.full  # in the gate a constant delay, above
 def test_a_delay_of_the_command_acts_as_it_is_at_each_moment():
     """J dv/dt = u(t - d (1 + sin w t)) with u = c t; it had stood as it was at the start.
 
@@ -136,6 +137,7 @@ def test_inputs_that_the_machine_has_not_are_one_sentence():
         axis.term({})
 
 
+@pytest.mark.full  # in the gate the motion, above; here how fast it is
 def test_states_of_a_machine_are_stepped_as_numbers_of_their_own():
     """XLA puts no vector of them together within its loops: that takes twice the time."""
     axis = Axis(0.02, damping=0.1, second_inertia=0.05, second_stiffness=60.0)
