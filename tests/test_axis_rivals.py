@@ -187,6 +187,7 @@ def test_held_out_runs_judge_no_number_that_train_runs_leave_open(tmp_path):
     assert HeldOut.of(before, after).confirms(fit.cost - found.cost)
 
 
+@pytest.mark.full  # in the gate how windows begin: test_axis_windows
 def test_a_window_begins_with_what_a_late_sensor_shows_of_before(tmp_path):
     rng = drawn_anew("before")
     text, (log,) = servo(rng, {"train": 0.1}, 0.01)

@@ -75,7 +75,7 @@ def test_the_programs_leave_the_process_its_subnormal_numbers():
 
 
 @needs_compiler
-@pytest.mark.parametrize("count", tiered([3, 4, 6], lambda count: count == 4))
+@pytest.mark.parametrize("count", tiered([3, 4, 6], (3).__ne__))
 def test_the_general_program_agrees_with_the_modes(count):
     library = _c.compiled("general")
     for damping in (0.0, 120.0, 20000.0):

@@ -63,6 +63,7 @@ def test_a_recording_drives_and_the_run_is_a_recording_again(capsys, tmp_path):
     assert again.rig_path.is_file()  # of a bundled rig, a copy beside the run
 
 
+@pytest.mark.full  # in the gate a design that ends at the step limit, run again: test_sweep
 def test_a_failed_run_keeps_what_was_computed(capsys, tmp_path):
     out = tmp_path / "run.nc"
     arguments = ["--torque", "0.1,0.2,0.3", "--duration", "0.5", "--max-steps", "40"]

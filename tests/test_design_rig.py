@@ -229,6 +229,7 @@ def test_a_relative_tolerance_of_nothing_is_refused():
     assert "wheel.w2.contact.damping" not in usual_parts(rig)
 
 
+@pytest.mark.full  # in the gate what a design brings: test_design_in_bulk
 def test_a_design_beside_a_rig_that_is_none_of_the_designs():
     """Wheels that differ have no common damping, so the rig as it was is judged by itself."""
     rig = omnijax.set_parameter(omnijax.load_rig("atlas"), "wheel.w2.contact.damping", 90.0)

@@ -119,7 +119,7 @@ def low_passed(rng, size: float) -> np.ndarray:
 
 @pytest.mark.parametrize(
     "noise, size",
-    [(walking, 6), (low_passed, 1), *more((walking, 1), (low_passed, 6))],
+    [(walking, 6), *more((low_passed, 1), (walking, 1), (low_passed, 6))],
 )
 def test_numbers_beside_noise_of_a_colour_are_as_far_off_as_is_said(noise, size):
     """Drawn noise and signals: a constant, a slope, and motions slow and quick.

@@ -98,6 +98,7 @@ def test_stepped_laws_agree_with_an_adaptive_solver_to_second_order(atlas):
     assert 3 < error[0] / error[1] < 5  # second order, and the coarse steps are fine for ranking
 
 
+@pytest.mark.full  # in the gate drawn laws: test_machine_contract
 def test_a_dry_friction_that_brakes_within_a_step_agrees_with_an_adaptive_solver(atlas):
     """About rest it damps so strongly that a step's predictor and corrector pass each other."""
     rng = drawn_anew("strong dry friction")

@@ -115,7 +115,10 @@ def model(tmp_path_factory):
     return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
 
 
-@pytest.mark.parametrize("law", [None, Effect("contact-cubic", "w2", {"K3": 1e11})])
+CUBIC = Effect("contact-cubic", "w2", {"K3": 1e11})
+
+
+@pytest.mark.parametrize("law", [CUBIC, pytest.param(None, marks=pytest.mark.full)])
 def test_many_points_at_once_are_the_points_one_by_one(model, two_cores, monkeypatch, law):
     """More points than are kept: none may be taken for another that is gone."""
     effects = () if law is None else (law,)

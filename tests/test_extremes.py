@@ -112,6 +112,7 @@ def test_peaks_are_those_of_a_finer_search(layout, count):
         assert np.isclose(found[0], want[0], rtol=1e-5), (rig, speeds)  # two places nearly as high
 
 
+@pytest.mark.full  # in the gate derivatives of steady peaks: test_sensitivity
 def test_gradients_of_a_stiff_slow_rig_are_those_of_differences():
     rig, speeds = next(_cases(ORTHOGONAL))
     rig = eqx.tree_at(lambda r: r.wheels.contact.damping, rig, jnp.full(3, 2e4))

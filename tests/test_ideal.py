@@ -26,7 +26,7 @@ def _ideal():
     return rig, run
 
 
-@pytest.mark.full  # in the gate a free body, below, and a separate program: test_reference
+@pytest.mark.full  # in the gate a separate program: test_reference
 def test_sphere_velocity_is_linear_in_time():
     rig, run = _ideal()
     r, R = rig.wheels.radius[0], rig.sphere.radius
@@ -39,7 +39,7 @@ def test_sphere_velocity_is_linear_in_time():
     np.testing.assert_allclose(run.attitude, expected, atol=1e-8)
 
 
-@pytest.mark.full  # in the gate the rotation of a free body, below
+@pytest.mark.full  # in the gate a separate program: test_reference
 def test_quaternion_norm_is_kept():
     _, run = _ideal()
     np.testing.assert_allclose(jnp.linalg.norm(run.attitude, axis=1), 1.0, atol=1e-14)
@@ -113,6 +113,7 @@ def test_equation_46_without_resistance():
     np.testing.assert_allclose(sphere, platform, atol=1e-12)
 
 
+@pytest.mark.full  # in the gate the rotation: test_moment, and a separate program: test_reference
 def test_free_gyroscopic_body():
     """Weightless wheels leave the sphere free: Euler's equations by an independent integrator."""
     inertia = jnp.array([[4.0, 0.3, 0.1], [0.3, 5.0, -0.2], [0.1, -0.2, 6.5]])

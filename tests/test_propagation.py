@@ -201,7 +201,7 @@ def test_more_rollers_than_a_traced_turn_has_room_for_are_refused():
     assert np.isnan(period(jnp.full(3, 48.0)))
 
 
-@pytest.mark.full  # in the gate starts at edges, below
+@pytest.mark.full  # in the gate edges of gaps: test_moment
 def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
     """Rounding puts such a sample a hair before or behind the edge; nothing jumps there."""
     rng = drawn_anew("samples on edges")
@@ -215,6 +215,7 @@ def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
         np.testing.assert_allclose(dR[::2], dR[1::2], atol=1e-6 * np.abs(dR).max())
 
 
+@pytest.mark.full  # in the gate that slope: test_moment
 def test_starts_at_an_edge_with_the_slope_of_the_side_it_turns_to():
     rng = drawn_anew("edges")
     rig = drawn_machine(rng, 3, contact_damping=2000.0)

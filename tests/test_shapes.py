@@ -12,7 +12,7 @@ from tiers import tiered
 pytestmark = pytest.mark.long
 
 
-DEAR = ("steady", "run_slopes", "sweeps", "torques", "four_wheels", "steady_slopes")
+DEAR = ("runs", "steady", "run_slopes", "sweeps", "torques", "four_wheels", "steady_slopes")
 
 
 def holds(flows, folder):

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from machines import drawn_machine, machine
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax._text import quantity_text
 from omnijax.cli.explore import start_speeds
@@ -218,7 +219,7 @@ def test_start_speeds():
         start_speeds("1,2,3", "0,0,1", rig)
 
 
-@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize("width", tiered([1280, 400], (400).__eq__))
 def test_replay_scrubs_in_a_browser(open_page, replay_page, width):
     page, seen = open_page(replay_page.as_uri(), width)
     page.locator("#scrub").fill("50")
@@ -362,7 +363,7 @@ def test_the_page_answers_only_itself(kind):
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", tiered([signal.SIGINT, signal.SIGTERM], signal.SIGINT.__eq__))
 def test_one_signal_ends_the_page(number):
     """The server raised it once more, which counted as a second one: "ended at once"."""
     pytest.importorskip("uvicorn")
