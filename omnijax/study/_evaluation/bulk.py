@@ -39,7 +39,7 @@ def evaluate_in_bulk(
         )
     else:
         duration = float(how.times[-1])
-        first = machine(np.asarray(rows[0], float))[0]
+        first = machine(jnp.asarray(rows[0], float))[0]
         few = figures_obstacle(first, how.model, how.metrics) is None  # without any samples
         result = (modal_figures if few else run_metrics)(
             make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),

@@ -30,7 +30,11 @@ def table_sums(
     t: TableLanes, layout: Layout, time: Float[Array, " t"], weights: Float[Array, "c o t"]
 ) -> TableSums:
     """The sums of a figure with such derivatives by the outputs at times (s) since the start."""
-    return TableSums(*jax.lax.map(lambda one: _of_design(*one, layout, time), (t, weights)))
+
+    def one(design: tuple[TableLanes, Array]) -> TableSums:
+        return TableSums(*_of_design(*design, layout, time))
+
+    return jax.lax.map(one, (t, weights))
 
 
 def table_slopes(g: Lanes, layout: Layout, sums: TableSums) -> Slopes:
