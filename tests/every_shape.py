@@ -131,8 +131,11 @@ def drawn_wheels(folder):
         assert all(leaf.shape[0] == batch for leaf in jax.tree.leaves(several)), function
 
 
-def modal_designs(obstacle, outputs):
-    """Two designs that are ready for the modal core, at numbers in rows of four."""
+def modal_designs(obstacle, outputs, tables=False):
+    """Two designs that are ready for the modal core, at numbers in rows of four.
+
+    `tables`: whether two wheels have a measured table.
+    """
     from machines import ORTHOGONAL, machine
 
     from omnijax import laws
@@ -144,6 +147,11 @@ def modal_designs(obstacle, outputs):
 
     rig = machine(ORTHOGONAL).add(laws.ContactRelaxation(of(5e4), of(0.03)), "w1")
     force, angle = of([3.0, 0.0, 1.0]), of([0.1, 0.2, 0.3])
+    if tables:
+        pitch = float(rig.gaps.pitch[0])
+        table = laws.TableShape.fit(pitch * np.arange(6) / 6, 1e-4 * np.arange(6.0), pitch)
+        profiles = (table, rig.profiles[1], table)
+        rig = eqx.tree_at(lambda r: r.profiles, rig, profiles)
 
     def make(row):
         mass = rig.platform.mass * row[0]
@@ -168,15 +176,24 @@ def run_slopes(folder):
 
     traced = eqx.filter_eval_shape
     step, count = jax.numpy.asarray(0.002), jax.numpy.asarray(51.0)
-    batch = modal_designs(bulk.modal_obstacle, bulk.OUTPUTS)
+    batch = modal_designs(bulk.figures_obstacle, bulk.OUTPUTS)
     figures, bars = traced(bulk._figures, batch.design, batch.layout, step, count, True)
     size = len(batch.rows)
     assert (figures.shape, by_rows(batch, bars)) == ((4, size), (2, size, 4))
 
-    batch = modal_designs(bulk.modal_obstacle, many_runs.RUN_OUTPUTS)
+    batch = modal_designs(many_runs.modal_obstacle, many_runs.RUN_OUTPUTS)
     layout = batch.layout._replace(rows=batch.design.system.C.shape[1])
     outputs = traced(many_runs._outputs, batch.design, layout, step, count, 64)
     bars = traced(many_runs._run_slopes, batch.design, layout, step, count, outputs)
+    assert by_rows(batch, bars) == (1, size, 4)
+
+    batch = modal_designs(many_runs.modal_obstacle, many_runs.RUN_OUTPUTS, tables=True)
+    layout = batch.layout._replace(rows=batch.design.system.C.shape[1], kinds=())
+    given = layout, step, count
+    lanes, _ = traced(many_runs._table_lanes, batch.design, *given)
+    assert traced(many_runs._with_tables, outputs, lanes, *given).shape == outputs.shape
+    sums = traced(many_runs._table_sums, lanes, *given, outputs)
+    bars = traced(many_runs._table_slopes, batch.design, *given, sums)
     assert by_rows(batch, bars) == (1, size, 4)
 
 
