@@ -96,6 +96,7 @@ def test_a_rig_that_runs_away_is_refused(case, rolling):
         diagnose(dataclasses.replace(case, rig=soft))
 
 
+@pytest.mark.full  # in the gate a rig that does, above
 def test_a_machine_of_ones_own_that_runs_away_is_refused(tmp_path):
     """It ended in a traceback: a whole number cannot be NaN."""
     t = 2e-3 * np.arange(400)

@@ -79,6 +79,7 @@ def log_of(folder, u, q):
     return read_log(LogFile(path, path), {"input": "N m"}, {"position": "rad"}), path
 
 
+@pytest.mark.full  # in the gate figures of single runs: test_machine_studies
 def test_studies_agree_and_no_design_hangs_on_those_beside_it(tmp_path):
     file, u = drawn("cubic", 0)
     log, _ = log_of(tmp_path, u, reference(file, u))
