@@ -85,10 +85,18 @@ def test_a_yes_at_the_terminal_is_kept_for_the_content(here, monkeypatch, capsys
     import sys
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    performed = []
+
+    def perform(*_, **__):
+        performed.append(True)
+        raise InputError("asked.")
+
     for answer, ran in (("\n", False), ("n\n", False), ("y\n", True)):
         monkeypatch.setattr(sys, "stdin", Terminal(answer))
-        code = run(["simulate", "rig.toml", *SHORT])
-        assert (code == 0) is ran and Path("RAN").exists() is ran
+        with monkeypatch.context() as patch:
+            patch.setattr("omnijax.cli._simulate.perform", perform)
+            assert run(["simulate", "rig.toml", *SHORT]) == 2
+        assert bool(performed) is ran and Path("RAN").exists() is ran
     forget(monkeypatch)
     monkeypatch.setattr(sys, "stdin", Terminal(""))
     assert len(load_rig("rig.toml").effects) == 1  # the content is known
