@@ -154,6 +154,7 @@ def test_round_or_resting_wheels_shake_nothing(model):
         assert np.abs(np.asarray(run.dR)).max() < 1e-15
 
 
+@pytest.mark.full  # in the gate how every study and run reads a drive: test_sweep
 def test_input_is_read_as_simulate_reads_it():
     """Falling times went through without a word, and plain speeds ended in an AttributeError."""
     rig, run = machine(SKEW), propagate(machine(SKEW), speeds(W), TS)

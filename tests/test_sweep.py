@@ -50,6 +50,7 @@ def test_steady_sweep_is_the_steady_state_of_each_design():
     assert result.best("peak") == int(np.argmin(result["peak"]))
 
 
+@pytest.mark.full  # in the gate the slopes that it takes: test_steady_bulk
 def test_gradient_is_the_slope_between_designs():
     """Central differences over 1e-4 of the parameter: error (1e-4)^2 times the curvature."""
     h = 1e-4
