@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn_rigs import any_table
-from machines import ANY_SPEEDS, drawn_machine
+from machines import ANY_SPEEDS, drawn_machine, machine
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -29,6 +29,7 @@ from omnijax.simulation._modal._tables.response import (
     moving,
     response_at,
 )
+from omnijax.simulation._modal.table_signals import table_signals
 from omnijax.vibration import METRICS, evaluate, run_metrics
 
 pytestmark = [pytest.mark.brief, ANY_SPEEDS]
@@ -133,7 +134,9 @@ def _table(rng, pieces: int):
     return jnp.diff(shape.knots)[:pieces], c * jnp.array([1.0, 1.0, 2.0, 6.0])[:, None]
 
 
-@pytest.mark.parametrize("where", ["fast", "slow", "still", "resonant", "two real"])
+@pytest.mark.parametrize(
+    "where", ["fast", "faster", "slow", "still", "resonant", "two real", "growing"]
+)
 def test_poles_respond_as_an_integrator_says(where):
     """Very fast and slow beside the pieces, at 0, beside the periods' own frequency, and real."""
     rng = drawn_anew(f"poles at tables, {where}")
@@ -141,6 +144,8 @@ def test_poles_respond_as_an_integrator_says(where):
     period = float(jnp.sum(duration))
     kind, l0, l1 = {
         "fast": (1.0, -20.0 / period, 300.0 / period),
+        "faster": (0.0, -1e4 / period, -2e6 / period),
+        "growing": (1.0, 3.0 / period, 10.0 / period),
         "slow": (1.0, -1e-4 / period, 1e-3 / period),
         "still": (0.0, 0.0, -1e-9 / period),
         "resonant": (1.0, -1e-5 / period, 4 * np.pi / period),
@@ -148,7 +153,7 @@ def test_poles_respond_as_an_integrator_says(where):
     }[where]
     poles = PolesAlone(*(jnp.full((1, 1), x) for x in (kind, l0, l1)))
     time = np.sort(rng.uniform(0, 6 * period, 12))
-    knots = knots_of(poles, duration, rho)
+    knots = knots_of(poles, duration, rho, time[-1])
     one = response_at(poles, knots, jnp.asarray(time), decay_at(poles, jnp.asarray(time)))
     node, weight = np.polynomial.legendre.leggauss(12)
     ends = np.cumsum(np.asarray(duration))
@@ -163,6 +168,8 @@ def test_poles_respond_as_an_integrator_says(where):
         """Of exp(pole (t - s)) force(s) from 0 to t, on pieces on which the force is smooth."""
         edges = np.concatenate([n * period + np.append(0.0, ends[:-1]) for n in range(6)])
         fine = np.concatenate([np.linspace(x, y, 80) for x, y in itertools.pairwise(edges)])
+        late = t - np.geomspace(1e-3, 60, 60) / max(abs(pole), 1e-3)  # all a fast pole remembers
+        fine = np.concatenate([fine, np.maximum(late, 0.0)])
         cut = np.unique(np.append(fine[fine < t], t))
         half, middle = np.diff(cut)[:, None] / 2, (cut[1:] + cut[:-1])[:, None] / 2
         s = middle + half * node
@@ -173,6 +180,53 @@ def test_poles_respond_as_an_integrator_says(where):
         first, second = (np.asarray(x[0]) for x in one.z)
         got = first + 1j * second if kind else (first, second)[number]
         np.testing.assert_allclose(got, z, atol=1e-11 * np.abs(z).max())
+
+
+def test_a_pole_that_grows_without_bound_in_a_period_is_right_before():
+    """What overflows later is not asked for."""
+    rng = drawn_anew("growth in a period")
+    duration, rho = _table(rng, 5)
+    growth = 1e6 / float(duration[0])  # so that a piece ends beyond all numbers
+    poles = PolesAlone(*(jnp.full((1, 1), x) for x in (1.0, growth, 10.0)))
+    until = 2 / growth
+    time = jnp.asarray([0.5 * until, until])
+    z = response_at(poles, knots_of(poles, duration, rho, until), time, decay_at(poles, time)).z
+    expected = rho[0, 0] * (np.exp(growth * np.asarray(time)) - 1) / growth
+    np.testing.assert_allclose(z[0][0], expected, rtol=1e-3)
+
+
+def test_slopes_by_the_period_hold_where_samples_fall_on_its_ends():
+    rng = drawn_anew("samples on ends of periods")
+    shape = any_table(rng, 14.0, 1.0)
+    period = float(shape.knots[-1])
+    duration = jnp.diff(shape.knots)
+    rho = shape.coefficients.T * jnp.array([1.0, 1.0, 2.0, 6.0])[:, None]
+    time = period / 50 * jnp.arange(301)
+    poles = PolesAlone(*(jnp.full((1, 1), x / period) for x in (period, -0.3, 4.0)))
+    weights = jnp.asarray(rng.normal(size=(2, 301)))
+
+    def figure(scale, fixed=True):
+        slower = rho * scale ** -jnp.arange(4.0)[:, None]
+        knots = knots_of(poles, duration * scale, slower, time[-1], fixed)
+        z = response_at(poles, knots, time, decay_at(poles, time), fixed).z
+        return jnp.sum(weights * jnp.concatenate(z))
+
+    h = 1e-6
+    expected = (figure(1 + h) - figure(1 - h)) / (2 * h)
+    for fixed in (True, False):
+        np.testing.assert_allclose(jax.grad(figure)(1.0, fixed), expected, rtol=1e-5)
+
+
+def test_a_start_just_below_a_whole_turn_is_on_the_table():
+    table = any_table(drawn_anew("start below a turn"), 14.0, 1.0)
+    rig = eqx.tree_at(lambda r: r.profiles, machine(), (table, laws.HalfSine(), laws.HalfSine()))
+    for speed in (2.0, -2.0, 0.0):
+        at = [
+            table_signals(rig, [0], jnp.array([speed, 1.0, 1.0]), jnp.array([angle, 0.0, 0.0]))
+            for angle in (-1e-17, 0.0)
+        ]
+        np.testing.assert_allclose(at[0].rho[0, 0, 0], at[1].rho[0, 0, 0], rtol=1e-9)
+        np.testing.assert_allclose(at[0].rho[0, 0, 0], table.coefficients[0, 0], rtol=1e-9)
 
 
 def test_poles_that_are_fixed_move_as_those_that_are_not():

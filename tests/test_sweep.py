@@ -263,7 +263,7 @@ def test_method_follows_from_rig_and_drive():
     long = Question(rig, (constant,), (), ("rms",), "coupled", 20.0, True, samples=20_001)
     assert choose(long)[0] == "bulk"
     method_of, why = choose(long._replace(metrics=("slip_margin",)))
-    assert method_of == "propagation" and "20001 are more than 16384" in why
+    assert method_of == "propagation" and "20001 samples are more than 16384" in why
     assert method(load_rig("atlas-tripod"), constant, 2.0) == "bulk"
     assert method(rig, moving, 2.0) == "full"
     assert method(rig.add(LiftOff(), "all"), constant, 2.0) == "full"

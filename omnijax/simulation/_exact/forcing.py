@@ -70,7 +70,9 @@ def directed(pieces: Pieces, speed, angle) -> PeriodicSignal:
     back = mirrored(pieces)
     forward = speed >= 0
     pieces = jax.tree.map(lambda a, b: jnp.where(forward, a, b), pieces, back)
-    start = jnp.mod(jnp.where(forward, angle, -angle), jnp.sum(pieces.width))
+    period = jnp.sum(pieces.width)
+    start = jnp.mod(jnp.where(forward, angle, -angle), period)
+    start = jnp.where(start < period, start, start - period)  # of an angle just below 0
     here = value(pieces, *piece_at(pieces, start))
     rest = speed == 0
     constant = jnp.zeros_like(pieces.polynomial).at[:, 0].set(here)

@@ -22,7 +22,7 @@ DEGREE = 3
 
 
 class TableSignals(NamedTuple):
-    """The tables (w) of a design, with pieces (k) of no duration where others have more."""
+    """The tables (w) of a design, pieces (k) of no duration at their ends."""
 
     duration: Float[Array, "w k *c"]  # s, of each piece
     rho: Float[Array, "w 4 k *c"]  # m, m/s, ...: rho and its derivatives by time as they begin

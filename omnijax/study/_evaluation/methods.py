@@ -125,7 +125,7 @@ def _no_modal_run(q: Question) -> str | None:
         return None
     others = [name for name in q.metrics if name not in BULK_METRICS]
     told = f"{', '.join(others)} need every sample of a run" if others else why
-    return f"{told}, and {q.samples} are more than {MOST_SAMPLES}"
+    return f"{told}, and {q.samples} samples are more than {MOST_SAMPLES}"
 
 
 def _no_modal_steady(q: Question) -> str | None:

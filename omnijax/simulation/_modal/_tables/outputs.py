@@ -31,8 +31,8 @@ def table_lanes(g: Lanes, layout: Layout) -> TableLanes:
     m, tables = g.modes, g.signals.tables
     assert tables is not None
 
-    def first(x, *index: np.ndarray):
-        return jnp.moveaxis(x[np.ix_(*index)] if index else x, -1, 0)
+    def first(x):
+        return jnp.moveaxis(x, -1, 0)
 
     few, columns = layout.rows, list(layout.tables)
     alone = (first(rows(x, layout.poles))[:, :, None] for x in (m.kind, m.l0, m.l1))
@@ -47,14 +47,14 @@ def table_lanes(g: Lanes, layout: Layout) -> TableLanes:
     )
 
 
-def knots(t: TableLanes) -> Knots:
-    """The begins of all pieces, (c, w, ...)."""
-    of_tables = jax.vmap(knots_of, in_axes=(None, 0, 0))
-    return jax.vmap(of_tables)(t.poles, *t.tables)
+def knots(t: TableLanes, until) -> Knots:
+    """The begins of all pieces, (c, w, ...), for times up to `until` (s)."""
+    of_tables = jax.vmap(knots_of, in_axes=(None, 0, 0, None))
+    return jax.vmap(of_tables, in_axes=(0, 0, 0, None))(t.poles, *t.tables, until)
 
 
 def table_outputs(t: TableLanes, layout: Layout, time: Float[Array, " t"]) -> Float[Array, "c o t"]:
-    """What the tables add to the outputs at times (s) since the start."""
+    """What the tables add to the outputs at times (s) since the start, in order."""
 
     def of_design(one: tuple[TableLanes, Knots]):
         own, each = one
@@ -69,7 +69,7 @@ def table_outputs(t: TableLanes, layout: Layout, time: Float[Array, " t"]) -> Fl
         none = jnp.zeros((layout.rows, len(time)))
         return jax.lax.scan(add, none, (each, own.given, own.direct, own.slope))[0]
 
-    return jax.lax.map(of_design, (t, knots(t)))
+    return jax.lax.map(of_design, (t, knots(t, time[-1])))
 
 
 def residues(kind: Float[Array, " p"], shown: Pair, given: Pair) -> Pair:

@@ -4,12 +4,12 @@ On a piece that begins at z, with rho = sum_j rho_j v^j/j! a time v after, dz/dt
 
     z(v) = exp(lambda v) z + sum_j rho_j v^(j + 1) phi_(j + 1)(lambda v)
 
-which cancels nothing, however slow a pole is beside the pieces.  With psi(u) the response from rest
-that far into a period and q = exp(lambda T), n periods of T leave beside psi(u)
+which cancels nothing, however slow or fast a pole is beside the pieces.  With psi(u) the response
+from rest that far into a period and q = exp(lambda T), n periods of T leave beside psi(u)
 
     exp(lambda u) psi(T) (1 - q^n)/(1 - q) = (exp(lambda u) - exp(lambda t)) psi(T)/(1 - q)
 
-of which the right side is quicker, and the left one right where a pole resonates with the periods.
+of which the second form is quicker; the first keeps its digits where q is near 1.
 
 Source: Higham, Functions of Matrices, 10.7.4 (phi functions).
 """
@@ -39,7 +39,7 @@ from ..arithmetic import (
 )
 from ..table_signals import DEGREE, moved_on
 
-SMALL = 0.25  # |lambda v| below which phi_4 is a series: its closed form cancels to 1e-12 there
+SMALL = 0.25  # |lambda v| below which phi_4 is a series: others lose 12 bits of it there
 TERMS = 9  # of that series, the next one of which is below 1e-13
 RESONANT = 1e-3  # |1 - q| below which digits would be lost
 
@@ -57,11 +57,11 @@ class Knots(NamedTuple):
 
     begin: Float[Array, " k"]  # s
     rho: Float[Array, "4 k"]
-    z: Pair  # (p, k), with `lasting` where that counts
+    z: Pair  # (p, k), with exp(lambda begin) times `lasting` unless `resonant`
     period: Float[Array, ""]  # s
     end: Pair  # (p, 1), after a period
-    lasting: Pair  # (p, 1): psi(T)/(1 - q)
-    resonant: Bool[Array, ""]  # whether that loses digits: it does not count
+    lasting: Pair  # (p, 1): psi(T)/(1 - q), not used where `resonant`
+    resonant: Bool[Array, ""]  # whether some |1 - q| is below `RESONANT`
 
 
 class TableResponse(NamedTuple):
@@ -82,22 +82,18 @@ def phis(kind, a: Pair) -> list[Pair]:
         return jnp.where(small[0], yes[0], no[0]), jnp.where(small[1], yes[1], no[1])
 
     near, far = chosen(a, times(0.0, one)), chosen(one, a)
-    series = times(1 / math.factorial(TERMS + 3), one)
+    last = times(1 / math.factorial(TERMS + 3), one)
     for n in range(TERMS - 1, 0, -1):
-        series = plus(times(1 / math.factorial(n + 3), one), product(kind, series, near))
-    square, power = product(kind, far, far), pair_exp(kind, a)
-    rest = plus(power, times(-1.0, plus(plus(one, far), times(0.5, square))))
-    rest = plus(rest, times(-1 / 6, product(kind, square, far)))
-    last = chosen(series, quotient(kind, rest, product(kind, square, square)))
-    return [power, *_below(kind, a, one, last)]
-
-
-def _below(kind, a: Pair, one: Pair, last: Pair) -> list[Pair]:
-    """phi_1, ..., phi_4 from phi_4: phi_j = a phi_(j + 1) + 1/j!."""
-    each = [last]
+        last = plus(times(1 / math.factorial(n + 3), one), product(kind, last, near))
+    below = [last]  # phi_j = a phi_(j + 1) + 1/j!
     for j in range(DEGREE, 0, -1):
-        each.append(plus(product(kind, a, each[-1]), times(1 / math.factorial(j), one)))
-    return each[::-1]
+        below.append(plus(product(kind, near, below[-1]), times(1 / math.factorial(j), one)))
+    power, inverse = pair_exp(kind, a), quotient(kind, one, far)
+    above = [power]  # phi_(j + 1) = (phi_j - 1/j!)/a
+    for j in range(DEGREE + 1):
+        less = plus(above[-1], times(-1 / math.factorial(j), one))
+        above.append(product(kind, less, inverse))
+    return [power, *(chosen(x, y) for x, y in zip(below[::-1], above[1:], strict=True))]
 
 
 def _unit_moves(kind, l0, l1, v) -> tuple[Pair, list[Pair]]:
@@ -140,23 +136,36 @@ def _(primals, tangents):
     return (end, over), (functools.reduce(plus, by_rho, start), times(dv, turn))
 
 
-def _stored(move: Callable, *args) -> tuple[Pair, Pair]:
-    each = materialised(lambda *a: [jax.lax.complex(*x) for x in move(*a)], *args)
+def _stored(*args) -> tuple[Pair, Pair]:
+    """`_moved`, stored."""
+    each = materialised(lambda *a: [jax.lax.complex(*x) for x in _moved(*a)], *args)
     (first, over), (second, turn) = ([x.real for x in each], [x.imag for x in each])
     return (first, second), (over, turn)
 
 
 def moving(fixed: bool) -> Callable:
     """How pairs move along a piece, where poles are `fixed` or differentiated."""
-    return _moved_by_fixed if fixed else functools.partial(_stored, _moved)
+    return _moved_by_fixed if fixed else _stored
 
 
 def knots_of(
-    m: PolesAlone, duration: Float[Array, " k"], rho: Float[Array, "4 k"], fixed: bool = False
+    m: PolesAlone,
+    duration: Float[Array, " k"],
+    rho: Float[Array, "4 k"],
+    until,
+    fixed: bool = False,
 ) -> Knots:
-    """The begins of the pieces of one table, from rest; `fixed`: see `moving`."""
+    """The begins of the pieces of one table, from rest, for times up to `until` (s).
+
+    What comes later counts as nothing, as a pole that grows may be without bound there.  `fixed`:
+    see `moving`.
+    """
+    after = jnp.cumsum(duration)
+    begin = jnp.concatenate([jnp.zeros(1), after[:-1]])
+    left = until - begin
+    reached = jnp.where(left >= duration, duration, jnp.maximum(left, 0.0))
     rest = jnp.zeros((len(m.kind), len(duration)))
-    forced, over = moving(fixed)(*m, (rest, rest), duration, rho)
+    forced, over = moving(fixed)(*m, (rest, rest), reached, rho)
     kind = m.kind[:, 0]
 
     def on(z: Pair, step) -> tuple[Pair, Pair]:
@@ -165,10 +174,9 @@ def knots_of(
 
     steps = jax.tree.map(jnp.transpose, (over, forced))
     end, z = jax.lax.scan(on, (jnp.zeros_like(kind), jnp.zeros_like(kind)), steps)
-    after = jnp.cumsum(duration)
-    begin = jnp.concatenate([jnp.zeros(1), after[:-1]])
     end = end[0][:, None], end[1][:, None]
-    less = exp_less_one(m.kind, times(after[-1], (m.l0, m.l1)))  # q - 1
+    span = jnp.where(after[-1] <= until, after[-1], until)
+    less = exp_less_one(m.kind, times(span, (m.l0, m.l1)))  # q - 1
     complex_, (first, second) = m.kind > 0, (jnp.abs(x) for x in less)
     size = jnp.where(complex_, first + second, jnp.minimum(first, second))
     resonant = jnp.any(size < RESONANT)
@@ -176,7 +184,8 @@ def knots_of(
     lasting = quotient(m.kind, times(-1.0, end), safe)
 
     def started(kind, l0, l1, z: Pair, lasting: Pair) -> Pair:
-        return plus(z, product(kind, lasting, pair_exp(kind, times(begin, (l0, l1)))))
+        early = jnp.minimum(begin, until)
+        return plus(z, product(kind, lasting, pair_exp(kind, times(early, (l0, l1)))))
 
     z = z[0].T, z[1].T
     every = stored(started, *m, z, lasting)
@@ -197,7 +206,8 @@ def response_at(
     `fixed`: see `moving`.
     """
     many = jax.lax.stop_gradient(jnp.floor(time / knots.period))
-    into = jnp.maximum(time - many * knots.period, 0.0)
+    into = time - many * knots.period
+    into = into + jax.lax.stop_gradient(jnp.maximum(-into, 0.0))  # its slope by the period stays
     piece = jax.lax.stop_gradient(jnp.searchsorted(knots.begin, into, side="right") - 1)
     v, rho = into - knots.begin[piece], knots.rho[:, piece]
     at = knots.z[0][:, piece], knots.z[1][:, piece]
