@@ -52,7 +52,8 @@ def with_effects(rig, rng):
     """A contact that relaxes slowly, a floor that shakes, and runout where the table is a turn."""
     law = laws.ContactRelaxation(jnp.asarray(5e4), jnp.asarray(float(rng.uniform(0.02, 20.0))))
     rig = rig.add(law, rig.names[-1])
-    floor = laws.FloorVibration(*map(jnp.asarray, (0.4, 7.0, 0.3)), jnp.array([0.2, 1.0, 0.4]))
+    size, frequency, phase = map(jnp.asarray, (0.4, 7.0, 0.3))
+    floor = laws.FloorVibration(size, frequency, phase, jnp.array([0.2, 1.0, 0.4]))
     rig = rig.add(floor, "platform")
     turns = (i for i, p in enumerate(rig.profiles) if getattr(p, "whole_turn", False))
     for i in turns:

@@ -79,16 +79,15 @@ def _of_design(own: TableLanes, weights: Float[Array, "o t"], layout: Layout, ti
 
         def response(l0, l1):
             poles = PolesAlone(kind, l0, l1)
-            return response_at(
-                poles, knots_of(poles, *signal, time[-1]), time, decay_at(poles, time)
-            )
+            z = knots_of(poles, signal.duration, signal.rho, time[-1])
+            return response_at(poles, z, time, decay_at(poles, time))
 
         here, moved = jax.jvp(response, (l0, l1), along)
         psi, rate = ((weights @ x.z[0].T, weights @ x.z[1].T) for x in (here, moved))
         w = merged(residues(own.pair, own.shown, given), layout)
 
         def figure(signal: TableSignals):
-            z = knots_of(own.poles, *signal, time[-1], fixed=True)
+            z = knots_of(own.poles, signal.duration, signal.rho, time[-1], fixed=True)
             response = response_at(own.poles, z, time, decay, fixed=True)
             return jnp.sum(weights * shown(w, direct, slope, response))
 
