@@ -9,6 +9,7 @@ import pytest
 
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
+from omnijax.simulation import Operating
 
 DATA = Path(__file__).parent / "data"
 RECORDINGS = DATA / "recordings"  # of an independent program
@@ -63,6 +64,12 @@ def machine(layout=SKEW, *, profile=None, scale=1.0, **changes) -> Rig:
     )
     profiles = (profile or laws.GatedSine(),) * n
     return Rig(sphere, platform, wheels, profiles, (), tuple(f"w{i + 1}" for i in range(n)))
+
+
+def operating_at(rig: Rig, row) -> Operating:
+    """Speeds, a force on the platform and start angles beside each other in a row."""
+    n = rig.size
+    return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
 
 
 SINES = (laws.HalfSine(), laws.GatedSine(), laws.ContinuousSine(), laws.Rollers())

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compilations import counted
-from machines import ANY_SPEEDS, ORTHOGONAL, machine
+from machines import ANY_SPEEDS, ORTHOGONAL, machine, operating_at
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -94,13 +94,8 @@ def points_of(rig, rng, count=3, still=True):
     )
 
 
-def _at(rig, row):
-    n = rig.size
-    return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
-
-
 def maker(rig):
-    return eqx.Partial(_at, rig)
+    return eqx.Partial(operating_at, rig)
 
 
 # the profiles and effects of two are those of test_one_evaluation, in every quantity; the others

@@ -8,13 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn_rigs import any_table
-from machines import ANY_SPEEDS, drawn_machine, machine
+from machines import ANY_SPEEDS, drawn_machine, machine, operating_at
 from seeds import drawn_anew
 from tiers import tiered
 
 from omnijax import laws
 from omnijax.simulation import (
-    Operating,
     figures_obstacle,
     modal_figures,
     modal_obstacle,
@@ -69,11 +68,6 @@ def rows_of(rng, n: int, count: int, still: bool = False) -> np.ndarray:
     return np.column_stack([speed, rng.normal(0, 20.0, (count, 3)), rng.uniform(-4, 4, (count, n))])
 
 
-def _at(rig, row):
-    n = rig.size
-    return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
-
-
 @pytest.mark.parametrize("number", tiered(range(3), bool))
 def test_figures_are_those_of_propagated_runs(number):
     rng = drawn_anew(f"figures of tables {number}")
@@ -82,7 +76,7 @@ def test_figures_are_those_of_propagated_runs(number):
     assert modal_obstacle(rig) is None
     rows, n = rows_of(rng, rig.size, 2, still=True), rig.size
     names = tuple(METRICS)
-    every = run_metrics(eqx.Partial(_at, rig), rows, names, duration=DURATION, step=STEP)
+    every = run_metrics(eqx.Partial(operating_at, rig), rows, names, duration=DURATION, step=STEP)
     ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
     for row, values in zip(rows, every.values, strict=True):
         run = propagate(rig, speeds(row[:n], row[n : n + 3], row[n + 3 :]), ts)
@@ -91,14 +85,14 @@ def test_figures_are_those_of_propagated_runs(number):
 
 
 def _scaled(rig, row):
-    """Contact's stiffness and damping scaled by the first two numbers, then as `_at`."""
+    """Contact's stiffness and damping scaled by the first two numbers, then as `operating_at`."""
     contact = rig.wheels.contact
     rig = eqx.tree_at(
         lambda r: (r.wheels.contact.stiffness, r.wheels.contact.damping),
         rig,
         (contact.stiffness * row[0], contact.damping * row[1]),
     )
-    return _at(rig, row[2:])
+    return operating_at(rig, row[2:])
 
 
 @pytest.mark.parametrize("names", tiered([("peak",), FURTHER], FURTHER.__eq__))
@@ -257,5 +251,5 @@ def test_figures_of_tables_are_read_from_runs():
     assert figures_obstacle(rig) == reason
     with pytest.raises(ValueError, match=reason):
         rows = rows_of(np.random.default_rng(0), 3, 1)
-        modal_figures(eqx.Partial(_at, rig), rows, duration=DURATION, step=STEP)
+        modal_figures(eqx.Partial(operating_at, rig), rows, duration=DURATION, step=STEP)
     assert "`table` is no sum of sinusoids" in str(modal_steady_obstacle(rig))

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from .._white_noise import noise_squares
 from ..recording import Case, channels, noise_floor
@@ -119,7 +119,7 @@ def _rough(values: list[np.ndarray]) -> float:
     squares = [noise_squares(v, DIFFERENCE) for v in values if len(v) > DIFFERENCE + 1]
     if not squares:
         return 0.0
-    return float(np.sqrt(np.median(np.concatenate(squares)) / (2 * gammaincinv(0.5, 0.5))))
+    return float(np.sqrt(np.median(np.concatenate(squares)) / chdtri(1, 0.5)))
 
 
 def shown_step(values: list[np.ndarray], noise: float) -> float:

@@ -1,6 +1,6 @@
 """Linear recursions of first order along signals, by the band solver of BLAS.
 
-`scipy.signal.lfilter` does the same in twice the time, and takes a second to import.
+`scipy.signal.lfilter` does the same in twice the time.
 """
 
 import functools

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from ..._white_noise import noise_squares, repetition
 from .._settings import SETTINGS
@@ -72,7 +72,7 @@ def white_level(values: np.ndarray) -> tuple[float, float]:
             return best
         free = WINDOW / repetition(order)
         middle = np.median(square[: count * WINDOW].reshape(count, WINDOW).mean(axis=1))
-        level = math.sqrt(middle / (2 * gammaincinv(free / 2, 0.5) / free))
+        level = math.sqrt(middle / (chdtri(free, 0.5) / free))
         if not best[0] <= LOWER_LEVEL * level:
             best = (level, MEDIAN_SCATTER / math.sqrt(2 * free * count))
     return best

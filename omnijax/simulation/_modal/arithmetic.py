@@ -49,6 +49,15 @@ def product(kind, a, b):
     )
 
 
+def onward(kind, w: Pair, E: Pair) -> Pair:
+    """Weights w of what an output shows of pairs, w0 z0 + w1 z1, when the pairs have moved by E."""
+    k = kind > 0
+    return (
+        w[0] * E[0] + jnp.where(k, w[1] * E[1], 0.0),
+        w[1] * jnp.where(k, E[0], E[1]) - jnp.where(k, w[0] * E[1], 0.0),
+    )
+
+
 def powers(kind, a: Pair, count: int) -> Pair:
     """1, a, ..., a^(count - 1) of pairs, one below the other, by doubling; `flushed`."""
     one = jnp.ones((1, *a[0].shape))

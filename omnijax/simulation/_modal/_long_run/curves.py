@@ -18,6 +18,7 @@ from ..arithmetic import (
     Pair,
     flushed,
     materialised,
+    onward,
     pair_exp,
     product,
     sincos,
@@ -176,20 +177,7 @@ def _seen(c: Pair, z: Pair):
 
 def weights(f: ModalCurves, z: Pair) -> Pair:
     """What the outputs show of states that move on from z (..., q, s, c)."""
-    k, c = f.kind > 0, f.show
-    return (
-        c[0] * z[0] + jnp.where(k, c[1] * z[1], 0.0),
-        c[1] * jnp.where(k, z[0], z[1]) - jnp.where(k, c[0] * z[1], 0.0),
-    )
-
-
-def onward(kind, w: Pair, E: Pair) -> Pair:
-    """Weights w when the pairs have moved by E."""
-    k = kind > 0
-    return (
-        w[0] * E[0] + jnp.where(k, w[1] * E[1], 0.0),
-        w[1] * jnp.where(k, E[0], E[1]) - jnp.where(k, w[0] * E[1], 0.0),
-    )
+    return onward(f.kind, f.show, z)
 
 
 def moved_by(f: ModalCurves, time) -> Pair:

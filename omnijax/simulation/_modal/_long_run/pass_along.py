@@ -20,6 +20,7 @@ from ..arithmetic import (
     across,
     flushed,
     materialised,
+    onward,
     plus,
     powers,
     product,
@@ -28,7 +29,7 @@ from ..arithmetic import (
     summed,
     turned,
 )
-from .curves import ModalCurves, free_size, moved_by, onward, size_of, weights
+from .curves import ModalCurves, free_size, moved_by, size_of, weights
 from .phases import piece_at
 
 LENGTH = 32  # samples a block

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arithmetic import Pair, rows
+from ..arithmetic import Pair, onward, rows
 from ..lanes import Lanes
 from ..system import Layout
 from ..table_signals import TableSignals
@@ -63,7 +63,7 @@ def table_outputs(t: TableLanes, layout: Layout, time: Float[Array, " t"]) -> Fl
         def add(total, table: tuple[Knots, Pair, Array, Array]):
             z, given, direct, slope = table
             response = response_at(own.poles, z, time, decay)
-            weights = merged(residues(own.pair, own.shown, given), layout)
+            weights = merged(onward(own.pair, own.shown, given), layout)
             return total + shown(weights, direct, slope, response), None
 
         none = jnp.zeros((layout.rows, len(time)))
@@ -72,16 +72,8 @@ def table_outputs(t: TableLanes, layout: Layout, time: Float[Array, " t"]) -> Fl
     return jax.lax.map(of_design, (t, knots(t, time[-1])))
 
 
-def residues(kind: Float[Array, " p"], shown: Pair, given: Pair) -> Pair:
-    """Weights (o, p) of the two numbers of each pair's response in each output."""
-    (c0, c1), (b0, b1), k = shown, given, kind > 0
-    return c0 * b0 + jnp.where(k, c1 * b1, 0.0), c1 * jnp.where(k, b0, b1) - jnp.where(
-        k, c0 * b1, 0.0
-    )
-
-
 def merged(weights: Pair, layout: Layout) -> Pair:
-    """The same (o, q) of the poles that differ."""
+    """Weights (o, q) of the poles that differ, from those (o, p) of all pairs."""
     count = len(layout.poles)
     onto = np.zeros((len(layout.pole), count))
     onto[np.arange(len(layout.pole)), list(layout.pole)] = 1.0

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arithmetic import Pair, product, summed
+from ..arithmetic import Pair, onward, product, summed
 from ..gradient import Slopes, seen
 from ..lanes import Lanes
 from ..system import Layout
 from ..table_signals import TableSignals
-from .outputs import TableLanes, merged, residues, shown
+from .outputs import TableLanes, merged, shown
 from .response import PolesAlone, decay_at, knots_of, response_at
 
 
@@ -84,7 +84,7 @@ def _of_design(own: TableLanes, weights: Float[Array, "o t"], layout: Layout, ti
 
         here, moved = jax.jvp(response, (l0, l1), along)
         psi, rate = ((weights @ x.z[0].T, weights @ x.z[1].T) for x in (here, moved))
-        w = merged(residues(own.pair, own.shown, given), layout)
+        w = merged(onward(own.pair, own.shown, given), layout)
 
         def figure(signal: TableSignals):
             z = knots_of(own.poles, signal.duration, signal.rho, time[-1], fixed=True)

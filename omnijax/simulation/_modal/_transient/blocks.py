@@ -15,6 +15,7 @@ from .._poles import PolePairs
 from ..arithmetic import (
     Pair,
     materialised,
+    onward,
     pair_exp,
     plus,
     powers,
@@ -174,10 +175,8 @@ class OutputParts(NamedTuple):
         `turn` (v, c): exp(i angle) of the sinusoids there.
         """
         pairs, waves = (_flat(x) for x in (self.live, self.waves))
-        z0, z1 = (rows(z, pairs) for z in free)
-        k = self.kind > 0
-        w0 = self.c0 * z0 + jnp.where(k, self.c1 * z1, 0.0)
-        w1 = self.c1 * jnp.where(k, z0, z1) - jnp.where(k, self.c0 * z1, 0.0)
+        z = rows(free[0], pairs), rows(free[1], pairs)
+        w0, w1 = onward(self.kind, (self.c0, self.c1), z)
         here = of_sinusoids(piece, layout.signal_of[waves], jnp.zeros(self.kind.shape[1:]))
         fa, fb = (at_piece(x, here) for x in (self.cosine, self.sine))
         turn = rows(turn, waves)
