@@ -7,13 +7,13 @@ from seeds import drawn_anew
 from omnijax.diagnosis import Effect, Point, Search, SmallModel
 from omnijax.diagnosis._search import through_laws
 from omnijax.diagnosis._search.fit import refit
-from omnijax.diagnosis._search.limits import upper_limits
+from omnijax.diagnosis._search.limits import BLOCKS, upper_limits
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.laws import EFFECTS
 
 LAWS = {k: EFFECTS[k] for k in ("bearing-viscous", "spin-resistance", "mount-cubic")}
 CUBICS = ("contact-cubic", "mount-cubic")
-ROWS = 3000
+ROWS = 50 * BLOCKS
 
 
 class Beside(SmallModel):
@@ -136,6 +136,8 @@ def test_limits_of_what_a_stepped_law_bends_are_those_beside_it():
     (column,), before = signatures.columns(slice(0, 1)), signatures.table.copy()
     (limit,) = upper_limits(model, fit, signatures, {"mount-cubic@all"})
     assert limit["id"] == signatures.layout.candidates[0].id == "contact-cubic"
+    blocks = np.add.reduceat(column * fit.residual, np.arange(0, ROWS, ROWS // BLOCKS))
+    sigma = max(1.0, np.sum((blocks - blocks.mean()) ** 2) ** 0.5) / size  # of the noise as drawn
     estimate = abs(float(column @ fit.residual)) / size  # of either sign
-    assert limit["limit_95"] == pytest.approx(estimate + 1.645 / size, rel=0.1)
+    assert limit["limit_95"] == pytest.approx(estimate + 1.645 * sigma, rel=1e-3)
     assert np.array_equal(before, signatures.table)
