@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from omnijax import __version__, cli
 from omnijax._errors import InputError, RunError, require
 from omnijax.cli import COMMANDS, _frame, build_app, run
+from omnijax.cli._console import progress
 from omnijax.cli._console.tokens import understood
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig, parse_rig, rig_text
@@ -136,6 +138,21 @@ def test_xla_keeps_its_opinions_to_itself(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         cli.main(["--version"])
     assert os.environ["TF_CPP_MIN_LOG_LEVEL"] == "3" and capsys.readouterr().out
+
+
+def test_a_long_stage_says_that_it_goes_on(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "STILL", 0.05)
+    with progress.stages() as tell:
+        time.sleep(0.2)  # no stage has begun
+        assert capsys.readouterr().err == ""
+        tell("weighing")
+        time.sleep(0.3)
+        tell("refitting")
+    first, *on, last = capsys.readouterr().err.splitlines()
+    assert first.endswith(" s  weighing") and last.endswith(" s  refitting")
+    assert len(on) >= 2 and all(line.endswith("0 s of it: weighing") for line in on)
+    time.sleep(0.2)
+    assert capsys.readouterr().err == ""  # nobody speaks after the end
 
 
 def test_no_option_is_made_of_a_list(capsys):

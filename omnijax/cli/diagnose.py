@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from .._files import claim, write_text
 from .._reading import existing
-from ._console import give_back_freed_memory, keep_freed_memory
+from ._console import give_back_freed_memory, keep_freed_memory, stages
 from ._inputs import Force, Json, Whole, above_zero, command_line, emit
 
 WINDOW = 1.0  # s
@@ -54,9 +54,6 @@ def diagnose(
     first
         Use the first so much of every run (15s).
     """
-    import sys
-    import time
-
     keep_freed_memory()
     from .._errors import InputError
 
@@ -66,12 +63,6 @@ def diagnose(
 
     if not 0.01 <= window <= 1e4:
         raise InputError(f"--window must lie in [0.01, 10000] s, but is {window:g}.")
-    started = time.monotonic()
-
-    def tell(text: str) -> None:  # once a stage
-        give_back_freed_memory()
-        print(f"{time.monotonic() - started:6.1f} s  {text}", file=sys.stderr, flush=True)
-
     laws: dict[str, Any] = {}
     for file in law or []:
         own = load_laws(file)
@@ -82,8 +73,14 @@ def diagnose(
     folder = out or Path(f"diagnosis-{case.resolve().name}")
     asked = _less(_case(case, rig, model), window, thin, above_zero("first", first, "s"))
     claim(folders=[folder], force=force)
-    diagnosis = run(asked, laws=laws, window=window, tell=tell)
-    tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
+    with stages() as say:
+
+        def tell(text: str) -> None:
+            give_back_freed_memory()
+            say(text)
+
+        diagnosis = run(asked, laws=laws, window=window, tell=tell)
+        tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
     emit(json, diagnosis.to_dict(), lambda: _print(diagnosis))
     return 0
 

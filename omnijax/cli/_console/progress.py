@@ -1,6 +1,8 @@
-"""The bar that commands show while they work."""
+"""What commands show while they work."""
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -24,6 +26,45 @@ def bar(what: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+STILL = 4.0  # s without a word after which a stage says that it goes on
+
+
+@contextmanager
+def stages() -> Iterator[Callable[[str], None]]:
+    """`tell(text)`: the stage that begins, with the time, as a line on the error stream.
+
+    A stage that takes longer says every `STILL` seconds that it goes on.
+    """
+    begun, said = time.monotonic(), threading.Condition()
+    stage, since, over = "", begun, False
+
+    def line(text: str) -> None:
+        print(f"{time.monotonic() - begun:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+    def tell(text: str) -> None:
+        nonlocal stage, since
+        with said:
+            line(text)
+            stage, since = text, time.monotonic()
+            said.notify()
+
+    def go_on() -> None:
+        with said:
+            while not over:
+                if not said.wait(STILL) and stage:
+                    line(f"... {time.monotonic() - since:.0f} s of it: {stage}")
+
+    thread = threading.Thread(target=go_on, daemon=True)
+    thread.start()
+    try:
+        yield tell
+    finally:
+        with said:
+            over = True
+            said.notify()
+        thread.join()
 
 
 SECONDS = {
