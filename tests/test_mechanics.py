@@ -9,12 +9,14 @@ from moment_cases import PARTS, SKEW4
 from moments import slope
 from test_formulas import made, near
 
+from omnijax._errors import InputError
 from omnijax.dynamics import (
     Coupled,
     ElasticState,
     Paper,
     Pointwise,
     PortInputs,
+    check_model,
     fitting_speeds,
     flatten,
     free_projector,
@@ -27,13 +29,18 @@ from omnijax.dynamics import (
     mobility,
     same_contacts,
     sliding,
+    sliding_of,
+    sliding_remarks,
     weight,
 )
+from omnijax.dynamics._hold import PARALLEL
 from omnijax.dynamics._kinematics import Rolling
+from omnijax.dynamics._remarks import _components
 from omnijax.dynamics._rotation import rotation_response
 from omnijax.dynamics._small import inverse, pseudoinverse, solve
 from omnijax.laws._shapes import is_turn
 from omnijax.simulation import Signal, is_constant, speeds, table
+from omnijax.simulation._drives import check_drive
 
 
 def with_normals(normal):
@@ -72,6 +79,11 @@ def check_free_directions():
     for normals in ([tilted], [tilted, -tilted], [tilted] * 4):
         near(free_projector(with_normals(normals)), np.eye(3) - np.outer(tilted, tilted))
     near(free_projector(with_normals(np.eye(3))), np.zeros((3, 3)))
+    for share, across in ((0.8, False), (1.25, True)):  # of what counts as parallel
+        sine = np.sqrt(share * PARALLEL)
+        pair = np.array([[1.0, 0.0, 0.0], [np.sqrt(1 - sine**2), sine, 0.0]])
+        mean = np.eye(3) - pair.T @ pair / 2
+        near(free_projector(with_normals(pair)), up if across else mean)
 
 
 def check_mobility():
@@ -121,7 +133,16 @@ def check_sliding():
     radius, speed = np.array([0.05, 0.06, 0.08, 0.07]), np.array([3.0, -2.0, 5.0, 1.0])
     rig = machine(SKEW4, radius=radius)
     axes, rim = 1.22 * -np.cross(*map(np.array, SKEW4)), radius * speed
-    near(sliding(rig, speed), axes @ np.linalg.lstsq(axes, rim, rcond=None)[0] - rim, 1e-10)
+    slid = axes @ np.linalg.lstsq(axes, rim, rcond=None)[0] - rim
+    near(sliding(rig, speed), slid, 1e-10)
+    several = sliding_of(rig, np.stack([speed, 2 * speed, 0.5 * speed]))
+    near(several.speed, 2 * np.abs(slid), 1e-9)
+    assert several.share == pytest.approx(np.abs(slid).max() / np.abs(rim).max())
+    (said,) = sliding_remarks(rig.names, several)
+    each = (f"{name} {1e3 * x:.3g} mm/s" for name, x in zip(rig.names, several.speed, strict=True))
+    assert f"the contacts slide by {', '.join(each)}. " in said
+    assert sliding_remarks(rig.names, sliding_of(rig, np.zeros((1, 4)))) == []
+    assert _components(np.array([-1e-9, 0.25, -0.5])) == "0, 0.25, -0.5"
 
 
 def check_small_systems():
@@ -253,8 +274,25 @@ def check_constant_signals():
         assert is_constant(signal) == constant
 
 
+def check_numbers_of_a_drive():
+    """A ramp of 2 a second from 1 over 3 s, then a jump to 5; what no drive may hold."""
+    knots, values = jnp.array([0.0, 3.0]), jnp.array([[1.0], [5.0]])
+    ramp = Signal(knots, values, jnp.array([[2.0], [0.0]]))
+    near(np.sort(ramp.around_knots()[:, 0]), [1, 5, 7])
+    rig = machine()
+    check_drive(rig, speeds([1.0, 2.0, 3.0]))  # held, and not at 0
+    on = speeds(Signal(knots, jnp.zeros((2, 3)), jnp.array([[0.0] * 3, [0.0, 0.5, 0.0]])))
+    with pytest.raises(InputError, match=r"its last slopes are \[0.0, 0.5, 0.0\]"):
+        check_drive(rig, on)
+    with pytest.raises(InputError, match="must be finite, but is -inf"):
+        check_drive(rig, speeds([1.0, -np.inf, 0.0]))
+    with pytest.raises(InputError, match="must be one of coupled, paper, but is 'papers'"):
+        check_model("papers")
+
+
 CHECKS = {
     "constant signals": check_constant_signals,
+    "numbers of a drive": check_numbers_of_a_drive,
     "hold": check_hold,
     "hold in words": check_hold_in_words,
     "same contacts": check_same_contacts,

@@ -6,6 +6,7 @@ import pytest
 from moment_cases import TIME, prepared, shapes, to_state
 from moments import at, near, slope
 
+from omnijax import laws
 from omnijax.dynamics import (
     Coupled,
     Inputs,
@@ -14,6 +15,7 @@ from omnijax.dynamics import (
     StepAverage,
     incompatibility,
     instant,
+    motor_torque,
     prescribed_instant,
     rolling,
     speed_driven,
@@ -134,6 +136,29 @@ def check_edges(n=4, moments=5):
         near(found.deflection_rate, closing - np.where(inward, slope_inside * speed, 0.0), 1e-6)
 
 
+def check_motor_torque(laws_of, n=4, seed=5):
+    """Commands taken back from what the shafts feel under them."""
+    rig, now, _, _, remembered = prepared(n, False, seed=seed)
+    for law, place in laws_of:
+        rig = rig.add(law, place)
+    state = to_state(rig, now, shapes(rig, False)[0](now.angle), remembered, np.zeros(3))
+    inputs = Inputs(jnp.asarray(now.torque), jnp.asarray(now.force), jnp.asarray(TIME))
+    at_once = instant(Model(Coupled(rig)), state, inputs)
+    turning = state.angle, state.angular_velocity, state.attitude
+    near(motor_torque(rig, at_once, *turning), now.torque)
+    far = np.abs(np.asarray(at_once.shaft_torque) - now.torque)
+    assert np.all((far > 1e-4) == [any(p in (w, "all") for _, p in laws_of) for w in rig.names])
+
+
+def laws_of_a_drive():
+    """An actuator's, two of a shaft and one of a contact patch."""
+    at_motor = laws.EFFECTS["motor-gain"](jnp.asarray(0.4))
+    load = laws.EFFECTS["load-friction"](jnp.asarray(0.1), jnp.asarray(0.4))
+    patch = laws.RollingResistance(jnp.asarray(2e-3), jnp.asarray(0.4))
+    viscous = laws.BearingViscous(jnp.asarray(0.02))
+    return [(at_motor, "w1"), (viscous, "w2"), (load, "w3"), (patch, "all")]
+
+
 CHECKS = {
     "edges of gaps": check_edges,
     "torques, three wheels": lambda: check_torque_driven(3, False),
@@ -147,6 +172,9 @@ CHECKS = {
     "speeds": lambda: check_speed_driven(3, True),
     "speeds, four wheels": lambda: check_speed_driven(4, False),
     "radius rate kept": check_kept_radius_rate,
+    "commands of drives": lambda: check_motor_torque(laws_of_a_drive()),
+    "commands of plain drives": lambda: check_motor_torque([]),
+    "commands of shafts alone": lambda: check_motor_torque(laws_of_a_drive()[1:2]),
 }
 
 

@@ -53,6 +53,9 @@ SAME = {  # changes that change nothing, and why
         "the determinant turns with the adjugate, which is divided by it",
     "_span: xp.cross(r[:, None], r[None])  ->  xp.cross(r[None], r[:, None])": "squared",
     "_span: xp.cross(r[:, None], r[None])  ->  -(...)": "squared",
+    "free_projector: jnp.cross(r[:, None], r[None])  ->  jnp.cross(r[None], r[:, None])":
+        "squared",
+    "free_projector: jnp.cross(r[:, None], r[None])  ->  -(...)": "squared",
     "held_directions: np.asarray(rig.wheels.normal)  ->  -(...)": "squared",
     "DualRow.switch: gap.width / 2 - gap.pitch / 4  ->  gap.width / 2 + gap.pitch / 4":
         "the switch after it",
