@@ -80,6 +80,7 @@ def diagnose(
             say(text)
 
         diagnosis = run(asked, laws=laws, window=window, tell=tell)
+        tell("drawing the page")
         tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
     emit(json, diagnosis.to_dict(), lambda: _print(diagnosis))
     return 0
