@@ -10,7 +10,7 @@ from benchmarks.axes.cases import HIDDEN, IDS, _effect, _plant, drawn
 from benchmarks.axes.oracle import untold
 from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import build_model
-from omnijax.diagnosis._ode.together import lines_together
+from omnijax.diagnosis._ode._candidates.together import lines_together
 from omnijax.diagnosis._ode.undecided import undecided
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from omnijax.diagnosis._ode._candidates.ranges import ranges_of
 from omnijax.diagnosis._ode.build import _places, turns_round
-from omnijax.diagnosis._ode.ranges import ranges_of
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS, EFFECTS
 from omnijax.machine import Axis

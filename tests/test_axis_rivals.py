@@ -10,11 +10,11 @@ from scipy.signal import lfilter
 
 from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import HoldReading, better_reading, build_model
+from omnijax.diagnosis._ode._evidence.experiment import next_run
+from omnijax.diagnosis._ode._evidence.learned import learn_shaft
+from omnijax.diagnosis._ode._rows.rows import FreeRun, OdeRun
 from omnijax.diagnosis._ode.build import priors_of
-from omnijax.diagnosis._ode.experiment import next_run
-from omnijax.diagnosis._ode.learned import learn_shaft
 from omnijax.diagnosis._ode.model import OdeModel
-from omnijax.diagnosis._ode.rows import FreeRun, OdeRun
 from omnijax.diagnosis._search import Effect, Point, Signatures, refit
 from omnijax.diagnosis._search.held_out import HeldOut
 from omnijax.diagnosis._search.refits import Refits

@@ -11,11 +11,12 @@ import pytest
 from tiers import tiered
 
 from benchmarks.axes.plants import Plant, moved
+from omnijax.diagnosis._ode._rows import free_starts
+from omnijax.diagnosis._ode._rows.numbers import Numbers
+from omnijax.diagnosis._ode._rows.programs import Programs
+from omnijax.diagnosis._ode._rows.rows import FreeRun, OdeRun, windows
 from omnijax.diagnosis._ode.build import cutoff_of
 from omnijax.diagnosis._ode.model import OdeModel
-from omnijax.diagnosis._ode.numbers import Numbers
-from omnijax.diagnosis._ode.programs import Programs
-from omnijax.diagnosis._ode.rows import FreeRun, OdeRun, windows
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS, AbstractLaw, ShaftSignal
 from omnijax.machine import Axis, Log, PlacedLaw, Ports, free_run
@@ -235,8 +236,8 @@ def test_windows_begun_anew_are_followed_from_the_starts_that_they_have(monkeypa
 
     far, given = np.zeros_like(evaluation.starts[0]), []
     far[:, 1] = 0.3
-    monkeypatch.setattr("omnijax.diagnosis._ode.free_starts.reopened", anew)
-    monkeypatch.setattr("omnijax.diagnosis._ode.free_starts.START_STEPS", 1)  # more would mend it
+    monkeypatch.setattr(free_starts, "reopened", anew)
+    monkeypatch.setattr(free_starts, "START_STEPS", 1)  # more would mend it
     model.rebase(true)
     (starts,) = given
     assert np.all(squares(evaluation.starts[0]) <= squares(starts) * (1 + 1e-9))

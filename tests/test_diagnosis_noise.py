@@ -24,7 +24,7 @@ from omnijax.diagnosis._machine._preparation.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import Assumed, _one, step_of
-from omnijax.diagnosis._ode.evidence import OdeEvidence
+from omnijax.diagnosis._ode._evidence.evidence import OdeEvidence
 from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._search import Effect, Point, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial

@@ -7,9 +7,9 @@ from seeds import drawn_anew
 from tiers import tiered
 
 from omnijax import cli
-from omnijax.diagnosis._ode.numbers import Numbers
-from omnijax.diagnosis._ode.programs import slopes_along
-from omnijax.diagnosis._ode.rows import OdeRun
+from omnijax.diagnosis._ode._rows.numbers import Numbers
+from omnijax.diagnosis._ode._rows.programs import slopes_along
+from omnijax.diagnosis._ode._rows.rows import OdeRun
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS
 from omnijax.machine import (

@@ -15,8 +15,8 @@ from omnijax import InputError, cli, diagnose, laws, load_laws, load_rig, save_r
 from omnijax.diagnosis._machine._laws.behind import changed_beside_delays
 from omnijax.diagnosis._machine._laws.laws import on_time, readings, remembers
 from omnijax.diagnosis._machine.clocks import late_by, offset_of
-from omnijax.diagnosis._ode.before import Before, matters, memories_at
-from omnijax.diagnosis._ode.known import memories
+from omnijax.diagnosis._ode._rows.before import Before, matters, memories_at
+from omnijax.diagnosis._ode._rows.known import memories
 from omnijax.dynamics import sensor_readings, wheel_shape
 from omnijax.laws import EFFECTS, GENERIC, ActuatorLag, low_passed
 from omnijax.machine import (

@@ -42,12 +42,12 @@ ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas
     "_machine/tree_hash.py": {16},
     "_machine/_candidates/uncertain.py": {"POLE"},  # where a wheel has no azimuth
     "_noise.py": {12},  # variance of a rounded number
-    "_ode/batches.py": {"PARTS"},
-    "_ode/evaluation.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
-    "_ode/evidence.py": {100},  # per cent
-    "_ode/experiment.py": {5},  # "a fifth"
-    "_ode/known.py": {8, 12},  # a difference of fourth order
-    "_ode/orders.py": {8, 64},  # orders that one product of matrices gives
+    "_ode/_rows/batches.py": {"PARTS"},
+    "_ode/_rows/evaluation.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
+    "_ode/_evidence/evidence.py": {100},  # per cent
+    "_ode/_evidence/experiment.py": {5},  # "a fifth"
+    "_ode/_rows/known.py": {8, 12},  # a difference of fourth order
+    "_ode/_candidates/orders.py": {8, 64},  # orders that one product of matrices gives
     "_recursion.py": {"BLOCK", 64},  # samples of a call, and matrices that are kept
     "_room.py": {"TABLES", 8.0},
     "_search/calibration.py": {"SEED"},

@@ -24,11 +24,9 @@ from ...machine import (
 from .._noise import Assumed
 from .._search import Prior
 from .._settings import SETTINGS
+from ._noise import sensor_noise
+from ._rows import Balance, FreeRun, Numbers, OdeRun, Programs, smoothed
 from .model import OdeModel
-from .numbers import Numbers
-from .programs import Programs
-from .rows import Balance, FreeRun, OdeRun, smoothed
-from .sensor_noise import sensor_noise
 
 CUTOFFS = SETTINGS.free_build.cutoffs
 MOST_ROWS = SETTINGS.free_build.most_rows

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 
 from ...machine import Axis, LogSignals, MachineCase, input_hold
 from .._search import Effect, Fit, total_cost
+from ._noise import in_colour, settled
+from ._rows import Programs
 from .build import build_model
-from .colour import in_colour
-from .floor import settled
 from .model import OdeModel
-from .programs import Programs
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
 # half a sample of delay looks like a held input that is read as linear

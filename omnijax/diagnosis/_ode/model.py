@@ -10,20 +10,19 @@ from ...laws import EFFECTS, AbstractLaw
 from ...machine import AbstractMachine, PlacedLaw
 from .._search import Effect, Fit, Point, Prior, refit
 from .._settings import SETTINGS
-from .before import matters
-from .candidates import Scales, machine_candidates
-from .colour import AbstractColoured, Colour, in_colour
-from .evaluation import RowEvaluation
-from .floor import beside, best_known, turned
-from .free_starts import FreeStarts
-from .measured import Measured, Rows
-from .numbers import Numbers
-from .orders import strongest_orders
-from .programs import Programs
-from .ranges import ranges_of
-from .row_noise import RowNoise
-from .rows import Balance, OdeRun
-from .signatures import signatures
+from ._candidates import Scales, machine_candidates, ranges_of, signatures, strongest_orders
+from ._noise import AbstractColoured, Colour, RowNoise, beside, best_known, in_colour, turned
+from ._rows import (
+    Balance,
+    FreeStarts,
+    Measured,
+    Numbers,
+    OdeRun,
+    Programs,
+    RowEvaluation,
+    Rows,
+    matters,
+)
 from .undecided import undecided
 
 NUMBER_PRICE = SETTINGS.free_model.number_price

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .before import matters
 from .evaluation import RowEvaluation
 from .reopened import reopened

@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._errors import RunError
-from ...machine import free_motion_of, slopes_of
-from .._settings import SETTINGS
+from ...._errors import RunError
+from ....machine import free_motion_of, slopes_of
+from ..._settings import SETTINGS
 from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
 

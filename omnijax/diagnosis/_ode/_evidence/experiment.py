@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..._errors import RunError
-from ...machine import free_run
-from .._answer import APART, AbstractProposed, weaker
-from .._search import Point
-from .._settings import SETTINGS
-from .model import OdeModel
-from .rows import OdeRun
+from ...._errors import RunError
+from ....machine import free_run
+from ..._answer import APART, AbstractProposed, weaker
+from ..._search import Point
+from ..._settings import SETTINGS
+from .._rows import OdeRun
+from ..model import OdeModel
 
 SECONDS = SETTINGS.free_experiment.seconds
 SINE_RATE = SETTINGS.free_experiment.sine_rate

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .candidates import commanded
 
 FINE = SETTINGS.free_orders.fine

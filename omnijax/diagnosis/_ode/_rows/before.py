@@ -11,9 +11,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...laws import SensorSignal
-from ...machine import AbstractMachine, PlacedLaw, settled_memory
-from .._settings import SETTINGS
+from ....laws import SensorSignal
+from ....machine import AbstractMachine, PlacedLaw, settled_memory
+from ..._settings import SETTINGS
 
 SECONDS = SETTINGS.free_before.seconds
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 import jax.numpy as jnp
 import numpy as np
 
-from ...machine import steps_for
-from .._settings import SETTINGS
+from ....machine import steps_for
+from ..._settings import SETTINGS
 from .batches import Batch, batches, widths
 from .measured import Measured
 from .numbers import Numbers

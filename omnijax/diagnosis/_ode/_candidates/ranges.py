@@ -1,7 +1,7 @@
 """Bounds of the numbers that a refit of a machine's laws may change."""
 
-from .._search import AbstractModel, Free, Point, free_numbers
-from .._settings import SETTINGS
+from ..._search import AbstractModel, Free, Point, free_numbers
+from ..._settings import SETTINGS
 from .candidates import Scales
 
 GAIN_BOUND = SETTINGS.free_model.gain_bound

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .rows import Balance, FreeRun, OdeRun
 
 RANKING_RUNS = SETTINGS.free_model.ranking_runs

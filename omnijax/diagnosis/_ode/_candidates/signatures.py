@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._search import Candidate, Point, strengths
+from ..._search import Candidate, Point, strengths
 
 
 def signatures(model, point: Point, candidates: Sequence[Candidate]) -> np.ndarray:

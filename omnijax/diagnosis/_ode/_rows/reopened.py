@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .rows import FreeRun
 
 CAUGHT_RATIO = SETTINGS.free_reopened.caught_ratio

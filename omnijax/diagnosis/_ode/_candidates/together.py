@@ -15,8 +15,8 @@ import dataclasses
 
 import numpy as np
 
-from .._search import AbstractModel, Fit, Point, Signatures, by_tangent, refit, taken_up
-from .._settings import SETTINGS
+from ..._search import AbstractModel, Fit, Point, Signatures, by_tangent, refit, taken_up
+from ..._settings import SETTINGS
 
 LINES = SETTINGS.free_model.lines
 LEFT_COST = SETTINGS.free_floor.left_cost

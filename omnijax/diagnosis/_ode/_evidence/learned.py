@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from .._answer import NearLaw, near_laws
-from .._settings import SETTINGS
-from .model import OdeModel
-from .rows import smoothed
+from ..._answer import NearLaw, near_laws
+from ..._settings import SETTINGS
+from .._rows import smoothed
+from ..model import OdeModel
 
 KNOTS = SETTINGS.free_learned.knots
 RIDGE = SETTINGS.free_learned.ridge

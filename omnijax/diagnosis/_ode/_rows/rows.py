@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
-from ...machine import (
+from ....machine import (
     acting,
     between,
     delayed_inputs,
@@ -20,7 +20,7 @@ from ...machine import (
     travelled,
     vector_field,
 )
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 from .before import Before, memories_at, seen
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers

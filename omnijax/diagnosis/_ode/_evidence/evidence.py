@@ -6,16 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import RunError
-from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text, with_numbers
-from .._answer import AbstractEvidence
-from .._noise import Assumed
-from .._search import Point, discovered, number
-from .._settings import SETTINGS
+from ...._errors import RunError
+from ....machine import (
+    Axis,
+    MachineFile,
+    PlacedLaw,
+    axis_unit,
+    free_run,
+    machine_text,
+    with_numbers,
+)
+from ..._answer import AbstractEvidence
+from ..._noise import Assumed
+from ..._search import Point, discovered, number
+from ..._settings import SETTINGS
+from .._rows import Balance, OdeRun, Rows, smoothed
+from ..model import OdeModel
 from .learned import learn_shaft
-from .measured import Rows
-from .model import OdeModel
-from .rows import Balance, OdeRun, smoothed
 
 REST_RATIO = SETTINGS.free_evidence.rest_ratio
 

@@ -12,9 +12,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ...laws import AbstractLaw
-from ...machine import AbstractMachine, PlacedLaw
-from .._search import Effect, Point, Prior
+from ....laws import AbstractLaw
+from ....machine import AbstractMachine, PlacedLaw
+from ..._search import Effect, Point, Prior
 
 
 @dataclasses.dataclass(frozen=True)

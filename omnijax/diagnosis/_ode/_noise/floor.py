@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .._orthonormal import orthonormal_of_many_rows
-from .._search import (
+from ..._orthonormal import orthonormal_of_many_rows
+from ..._search import (
     AbstractModel,
     Fit,
     Point,
@@ -16,8 +16,8 @@ from .._search import (
     refits_about,
     taken_up,
 )
-from .._settings import SETTINGS
-from .together import lines_together
+from ..._settings import SETTINGS
+from .._candidates import lines_together
 
 LEAST_DIRECTION = SETTINGS.free_floor.least_direction
 LAWS = SETTINGS.free_floor.laws

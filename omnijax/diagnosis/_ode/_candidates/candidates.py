@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...machine import Axis, PlacedLaw
-from .._search import Candidate, strengths, unit_laws
-from .._settings import SETTINGS
-from .known import states
-from .rows import OdeRun, smoothed
+from ....machine import Axis, PlacedLaw
+from ..._search import Candidate, strengths, unit_laws
+from ..._settings import SETTINGS
+from .._rows import OdeRun, smoothed, states
 
 SCALE_SHARES = SETTINGS.free_candidates.scale_shares
 BELOW_LIMIT = SETTINGS.free_candidates.below_limit

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._white_noise import noise_squares
-from ...machine import Log
-from .._noise import Assumed, combined, shown_step
-from .._settings import SETTINGS
+from ...._white_noise import noise_squares
+from ....machine import Log
+from ..._noise import Assumed, combined, shown_step
+from ..._settings import SETTINGS
 
 DIFFERENCES = SETTINGS.levels.differences
 NOISE_FREE = SETTINGS.free_sensor_noise.noise_free

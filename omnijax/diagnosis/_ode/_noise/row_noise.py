@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._rows import Measured, Rows
 from .floor import inflation
-from .measured import Measured, Rows
 
 
 @dataclasses.dataclass(frozen=True)

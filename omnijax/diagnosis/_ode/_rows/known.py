@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...laws import ActuatorLag, ActuatorSignal, low_passed
-from ...machine import (
+from ....laws import ActuatorLag, ActuatorSignal, low_passed
+from ....machine import (
     AbstractMachine,
     Axis,
     PlacedLaw,
@@ -18,7 +18,7 @@ from ...machine import (
     sensed,
     settled_memory,
 )
-from .._settings import SETTINGS
+from ..._settings import SETTINGS
 
 STEPS = SETTINGS.free_known.steps
 ROUNDS = SETTINGS.free_known.rounds

@@ -18,11 +18,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded
 
-from .._search import AbstractModel, Fit, Point, refit
-from .._settings import SETTINGS
+from ..._search import AbstractModel, Fit, Point, refit
+from ..._settings import SETTINGS
+from .._rows import Balance, Measured, smoothed
 from .floor import inflation
-from .measured import Measured
-from .rows import Balance, smoothed
 
 # r: of the rows' variance that is no sensor noise
 SHARES = np.logspace(*SETTINGS.free_colour.decades, SETTINGS.free_colour.powers)
