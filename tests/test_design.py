@@ -21,16 +21,16 @@ from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
 from omnijax.study._constraints import CaseNames, CaseResult, Constraint, all_limits, all_values
+from omnijax.study._design._search.engine import Engine
+from omnijax.study._design._search.evolve import Rank, evolve, far_apart
+from omnijax.study._design._search.in_step import in_step
+from omnijax.study._design._search.judge import best_of, check_optimality
+from omnijax.study._design._search.search import Adam
+from omnijax.study._design._search.sqp import SqpSlopes
 from omnijax.study._design.answer import make_design
 from omnijax.study._design.cases import RigCases
 from omnijax.study._design.design import start_note
-from omnijax.study._design.engine import Engine
-from omnijax.study._design.evolve import Rank, evolve, far_apart
-from omnijax.study._design.in_step import in_step
-from omnijax.study._design.judge import best_of, check_optimality
 from omnijax.study._design.notes import solver_note
-from omnijax.study._design.search import Adam
-from omnijax.study._design.sqp import SqpSlopes
 from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
 

@@ -6,7 +6,7 @@ from seeds import drawn_anew
 
 import omnijax
 from omnijax.study import parse_study
-from omnijax.study._design.figures import ProblemFigures
+from omnijax.study._design._search.figures import ProblemFigures
 from omnijax.study._design.rig import rig_problem
 
 pytestmark = pytest.mark.brief

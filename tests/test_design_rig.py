@@ -15,13 +15,13 @@ from omnijax._compiling import Effort, compiler_options
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import Tolerances, designed_rig, parse_study
-from omnijax.study._design import starts
+from omnijax.study._design._search import starts
+from omnijax.study._design._search.engine import Engine
+from omnijax.study._design._search.search import Starts
 from omnijax.study._design.answer import make_design
 from omnijax.study._design.cases import RigCases
-from omnijax.study._design.engine import Engine
 from omnijax.study._design.notes import Exact, as_it_was, before
 from omnijax.study._design.rig import rig_problem
-from omnijax.study._design.search import Starts
 from omnijax.study._spread.tolerances import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)

@@ -7,7 +7,7 @@ import pytest
 from omnijax.rig import load_rig, rig_text
 from omnijax.simulation import torques
 from omnijax.study import parse_study, sensitivity
-from omnijax.study._design.engine import Engine
+from omnijax.study._design._search.engine import Engine
 from omnijax.study._design.rig import rig_problem
 from omnijax.study._evaluation.fixed_steps import fine_enough
 

@@ -4,9 +4,7 @@ import math
 
 from ..._text import quantity_text
 from .._problem import Problem
-from .figures import limits_text
-from .judge import SearchEnd, best_of
-from .kkt import ACTIVE, FEASIBLE, ON_BOUND, STATIONARY
+from ._search import ACTIVE, FEASIBLE, ON_BOUND, STATIONARY, SearchEnd, best_of, limits_text
 from .result import Design
 
 SLIGHT = 1e-3  # of a bound in the least violation

@@ -12,13 +12,12 @@ from .._evaluation import apply
 from .._file import Study, study_of
 from .._problem import Problem
 from .._study_folder import Report, folder_of
+from ._search import Adam, Engine
 from .answer import make_design
 from .cases import RigCases, stochastic_problems
-from .engine import Engine
 from .notes import noted, start_note
 from .result import Design
 from .rig import rig_problem
-from .search import Adam
 
 
 def design(

@@ -2,10 +2,9 @@
 
 from .._problem import Problem
 from .._study_folder import Folder, Report
+from ._search import Adam, Engine
 from .answer import make_design
-from .engine import Engine
 from .result import Design
-from .search import Adam
 
 
 def optimise(

@@ -12,9 +12,9 @@ from ..._text import quantity_text
 from ...rig import get_parameter
 from .._file import Study
 from .._problem import Problem
+from ._search import Engine
 from .answer import missed
 from .cases import RTOL, RigCases
-from .engine import Engine
 from .result import Design
 from .rig import objective_text, rig_problem
 

@@ -22,16 +22,20 @@ from .._file import Study, study_of
 from .._problem import FigureRows, Limit, Problem, Variable, check_variables
 from .._range import Ranges
 from .._study_folder import Folder, Report, folder_of
+from ._search import (
+    Engine,
+    SearchEnd,
+    Starts,
+    best_of,
+    followed_by,
+    nothing_left,
+    start_shares,
+    values_of,
+)
 from .answer import conflict
 from .cases import RigCases
-from .engine import Engine
-from .figures import nothing_left, values_of
 from .front import Front
-from .judge import SearchEnd, best_of
-from .many import followed_by
 from .rig import figures_of, floor_of
-from .search import Starts
-from .starts import start_shares
 
 FREE = 1e6  # of a metric's size: a limit that never holds
 

@@ -10,8 +10,8 @@ from ..._arrays import largest
 from ...vibration import METRICS
 from .._file import Study
 from .._problem import Many, Problem
+from ._search import followed_by
 from .cases import RigCases
-from .many import followed_by
 
 EVALUATIONS = 25  # of a search, as most take
 # What rounding leaves of a metric that is 0, by unit: far below what the slowest machine has.

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._compiling import quick_jit
-from .._batches import in_batches, value_and_jacobian
-from .._problem import FigureRows, Many
+from ...._compiling import quick_jit
+from ..._batches import in_batches, value_and_jacobian
+from ..._problem import FigureRows, Many
 
 WIDTH = 16  # designs at a time: one compiled program serves any number of them
 

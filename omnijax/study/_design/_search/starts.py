@@ -14,9 +14,9 @@ from collections.abc import Iterable
 import jax.numpy as jnp
 import numpy as np
 
-from .._problem import Problem
-from .._range import Ranges
-from .._sobol import sobol_points
+from ..._problem import Problem
+from ..._range import Ranges
+from ..._sobol import sobol_points
 from .evolve import Judge, evolve, far_apart
 from .search import Starts
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .._problem import Problem, check_variables
-from .._study_folder import Folder, Report
+from ..._problem import Problem, check_variables
+from ..._study_folder import Folder, Report
 from .feasibility import restore_feasibility
 from .figures import ProblemFigures
 from .in_step import Ask, in_step

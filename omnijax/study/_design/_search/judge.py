@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .._problem import Problem
+from ..._problem import Problem
 from .figures import ProblemFigures, not_finite
 from .kkt import FEASIBLE, DualPoint, Kkt, conditions, verdict
 from .search import Starts

@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._compiling import quick_jit
-from ..._errors import InputError
-from ..._text import listed
-from .._batches import each, in_batches, value_and_jacobian
-from .._problem import Limit, Problem
-from .._range import Ranges
+from ...._compiling import quick_jit
+from ...._errors import InputError
+from ...._text import listed
+from ..._batches import each, in_batches, value_and_jacobian
+from ..._problem import Limit, Problem
+from ..._range import Ranges
 from .evolve import Rank
 from .many import WIDTH
 from .sqp import Scaled, SqpSlopes

@@ -19,10 +19,10 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..._compiling import quick_jit
-from .._batches import Order, each
-from .._problem import Problem, from_angle, to_angle
-from .._range import Ranges
+from ...._compiling import quick_jit
+from ..._batches import Order, each
+from ..._problem import Problem, from_angle, to_angle
+from ..._range import Ranges
 
 ROUNDS, INNER = 5, 15
 PENALTY, GROWTH = 30.0, 5.0
