@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import drawn_machine
-from scipy.optimize import brentq, minimize
-from scipy.special import ive, logsumexp
+from scipy.optimize import brentq, minimize, newton
+from scipy.special import ive, logsumexp, softmax
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -51,21 +51,30 @@ def test_its_direction_is_that_of_the_largest():
     waves = np.stack([f(k * angle) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
     signals = [waves @ (rng.normal(size=(6, 3)) * [1.0, 0.7, 0.2]) for _ in range(3)]
 
-    def size(way):
-        along = [x @ way / np.linalg.norm(way) for x in signals]
-        return P / brentq(
-            lambda t: sum(logsumexp(t * x) - np.log(512) for x in along) - P, 0.1, 1e3
-        )
+    def sizes(ways):
+        """S of (k, 3) directions at once, where sum of log <exp(x/S)> is P."""
+        units = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        along = np.stack([x @ units.T for x in signals])  # (3, 512, k)
+
+        def above(t):
+            return (logsumexp(t * along, axis=1) - np.log(512)).sum(axis=0) - P
+
+        def rate(t):
+            return (softmax(t * along, axis=1) * along).sum(axis=(0, 1))
+
+        return P / newton(above, np.full(len(ways), 1e3), rate, tol=1e-12)
 
     ways = rng.normal(size=(200, 3))
-    sizes = [size(way) for way in ways]
-    best = ways[np.argsort(sizes)[::-1][:4]]
-    maxima = [-minimize(lambda way: -size(way), way, method="Nelder-Mead", tol=1e-10).fun
-              for way in best]  # fmt: skip
+    drawn = sizes(ways)
+    best = ways[np.argsort(drawn)[::-1][:4]]
+    maxima = [
+        -minimize(lambda way: -sizes(way[None])[0], way, method="Nelder-Mead", tol=1e-10).fun
+        for way in best
+    ]
     start = best[0]
-    total = start / np.linalg.norm(start) * 1.2 * max(sizes)
+    total = start / np.linalg.norm(start) * 1.2 * max(drawn)
     S = float(smooth_peak([even(x) for x in signals], jnp.asarray(total), P))
-    assert max(sizes) < S
+    assert max(drawn) < S
     assert min(abs(S - m) for m in maxima) < 1e-8 * S
 
 
