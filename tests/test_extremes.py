@@ -46,10 +46,16 @@ def _cases(layout, count=RIGS):
         )
 
 
-def _dense(run: LongRun) -> list[np.ndarray]:
+@eqx.filter_jit
+def _curves(rig, speeds):
+    """Curves of dR, prepared for 2^BITS places a piece."""
+    return LongRun(rig, speeds, jnp.zeros(3), "coupled", BITS).curves("dR")
+
+
+def _dense(rig, speeds) -> list[np.ndarray]:
     """dR of every signal on 2^BITS even places a piece, and at the pieces' ends."""
     out = []
-    for curves in run.curves("dR"):
+    for curves in _curves(rig, speeds):
         for g in range(len(curves.starts)):
             values = []
             for k in np.flatnonzero(np.asarray(curves.cycles.width[g]) > 0):
@@ -92,7 +98,7 @@ def _lean(rig, speeds):
 def test_extremes_are_those_of_a_dense_search(layout, count):
     """Refined ones lie above those of any grid, by the grid's coarseness at most."""
     for rig, speeds in _cases(layout, count):
-        signals = _dense(LongRun(rig, speeds, jnp.zeros(3), "coupled", BITS))
+        signals = _dense(rig, speeds)
         want = [_longest(signals), *sum(x.max(axis=0) for x in signals)]
         want += [*sum((-x).max(axis=0) for x in signals)]
         above = np.asarray(_lean(rig, speeds)) / np.array(want) - 1
