@@ -9,6 +9,8 @@ import pytest
 from omnijax import laws
 from omnijax.laws import ContactSignal, _hertz
 
+pytestmark = pytest.mark.brief
+
 FORCES = jnp.array([1.0, 30.0, 400.0])
 RADIUS, MODULUS = 0.0713, 4e8
 

@@ -34,6 +34,8 @@ from omnijax.study._design.notes import solver_note
 from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
 
+pytestmark = pytest.mark.brief
+
 NO_LIMITS = jnp.zeros(0)
 
 

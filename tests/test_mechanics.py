@@ -42,6 +42,8 @@ from omnijax.laws._shapes import is_turn
 from omnijax.simulation import Signal, is_constant, speeds, table
 from omnijax.simulation._drives import check_drive
 
+pytestmark = pytest.mark.brief
+
 
 def with_normals(normal):
     """A rig whose normals are `normal` (n, 3)."""

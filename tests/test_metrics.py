@@ -17,6 +17,8 @@ from omnijax.study import load_study
 from omnijax.study._evaluation.evaluation import margin_status
 from omnijax.vibration import STEADY_METRICS, follows, metric_problem, peak
 
+pytestmark = pytest.mark.brief
+
 
 @pytest.fixture(scope="module")
 def run():

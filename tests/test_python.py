@@ -18,6 +18,8 @@ from omnijax.simulation import Signal, measured, ramp, table
 from omnijax.simulation._drives import as_times
 from omnijax.vibration import evaluate, steady_metrics
 
+pytestmark = pytest.mark.brief
+
 RPM = 2 * np.pi / 60
 RIG = omnijax.load_rig("atlas")
 

@@ -9,6 +9,8 @@ from tiers import tiered
 
 from omnijax.simulation import simulate, table, torques
 
+pytestmark = pytest.mark.brief
+
 
 # of the former, whose plant is the simpler, in the gate: test_plant
 @pytest.mark.parametrize("name", tiered(["ref-1", "ref-2"], "ref-1".__eq__))
