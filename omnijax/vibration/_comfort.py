@@ -101,6 +101,19 @@ def upright_filters() -> FilterPoles:
     return FilterPoles(jnp.asarray([*pole.values()]), jnp.asarray(residues))
 
 
+def check_even(t: Float[Array, " t"]) -> None:
+    """`InputError` where known times of samples are not even."""
+    if isinstance(t, Tracer):
+        return
+    times = np.asarray(t)
+    if not off_even(times, np) <= OFF:
+        steps = np.diff(times)
+        raise InputError(
+            "`sphere_weighted_acceleration` needs samples at even times, but the steps of this run "
+            f"are from {steps.min():.4g} to {steps.max():.4g} s."
+        )
+
+
 def weighted_acceleration(
     t: Float[Array, " t"], acceleration: Float[Array, "t 3"], up: Float[Array, "3"]
 ) -> Float[Array, ""]:
@@ -110,12 +123,8 @@ def weighted_acceleration(
     person differ: multiply afterwards where needed).  The samples must be at even times: known ones
     that are not raise `InputError`, traced ones give NaN.
     """
+    check_even(t)
     even = off_even(t) <= OFF
-    if not isinstance(even, Tracer) and not even:
-        raise InputError(
-            "`sphere_weighted_acceleration` needs samples at even times, but the steps of this run "
-            f"are from {float(jnp.min(jnp.diff(t))):.4g} to {float(jnp.max(jnp.diff(t))):.4g} s."
-        )
     vertical = (acceleration @ up)[:, None] * up
     frequency = jnp.fft.rfftfreq(len(t), 1.0) * (len(t) - 1) / (t[-1] - t[0])
     total = 0.0

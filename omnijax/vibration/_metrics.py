@@ -5,19 +5,22 @@ from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._arrays import largest, smallest
 from .._batch import check_single
 from .._errors import did_you_mean, tell
+from .._programs import kept
 from .._root import root
 from .._text import split_names
 from ..rig import Rig, as_rig, typed_numbers, up
 from ..simulation import RunChannels, SteadyFigures, Trajectory, remarks
 from ..simulation import speeds as speed_drive
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
-from ._comfort import weighted_acceleration
+from ._comfort import check_even, weighted_acceleration
 from ._steady import SHARPNESS, SteadyRun
 
 
@@ -188,8 +191,22 @@ def evaluate(
     Source: the definitions in `METRICS`; ISO 2631-1:1997 for the weighted ones.
     """
     check_single(jnp.shape(run.t)[:-1])
-    rig = as_rig(rig)
-    return {name: METRICS[known(name)].of_run(run, rig) for name in split_names(names)}
+    rig, asked = as_rig(rig), tuple(map(known, split_names(names)))
+    if any(isinstance(x, Tracer) for x in jax.tree.leaves((run, rig))):
+        return dict(zip(asked, _of_run(run, rig, asked), strict=True))
+    if "sphere_weighted_acceleration" in asked:
+        check_even(run.t)
+    return dict(zip(asked, _figures_of_run(run, rig, asked), strict=True))
+
+
+def _of_run(run: Trajectory | RunChannels, rig: Rig, names: tuple[str, ...]) -> list[Array]:
+    return [METRICS[name].of_run(run, rig) for name in names]
+
+
+@kept
+def _figures_of_run(run, rig, names) -> list[Array]:
+    """The figures of `evaluate`, by one program."""
+    return _of_run(run, rig, names)
 
 
 def steady_metrics(
