@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from .._arrays import on_device
 from .._errors import InputError
 from ..rig import Rig, typed_above_zero, typed_numbers
 from ._signals import Signal, constant
@@ -177,7 +178,7 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
             raise InputError("`rate` goes with a duration; `ts` are sample times already.")
         return _increasing(jnp.asarray(typed_numbers("ts", times, "s"), float))
     frequency = None if rate is None else typed_above_zero("rate", rate, "Hz")
-    return jnp.asarray(sample_times(typed_above_zero("duration", times, "s"), frequency))
+    return on_device(sample_times(typed_above_zero("duration", times, "s"), frequency))
 
 
 def _increasing(times: Float[Array, " t"]) -> Float[Array, " t"]:
@@ -216,11 +217,12 @@ def _check_finite(name: str, values: Any) -> None:
 def _check_signal(name: str, signal: Signal) -> None:
     """`InputError` where known values are not finite, or change after the last knot for ever."""
     _check_finite(name, signal.around_knots())
-    last = signal.slopes[-1]
-    if not isinstance(last, Tracer) and np.any(np.asarray(last) != 0):
+    if isinstance(signal.slopes, Tracer):
+        return
+    last = np.asarray(signal.slopes)[-1]
+    if np.any(last != 0):
         raise InputError(
-            f"`{name}` must be held from its last knot on, but its last slopes are "
-            f"{np.asarray(last).tolist()}."
+            f"`{name}` must be held from its last knot on, but its last slopes are {last.tolist()}."
         )
 
 

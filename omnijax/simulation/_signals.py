@@ -1,6 +1,7 @@
 """Signals in time: piecewise linear with jumps, with their integral in closed form."""
 
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Any
 
 import equinox as eqx
@@ -71,13 +72,18 @@ class Signal(eqx.Module):
         before_knot = jnp.nextafter(self.knots, -jnp.inf)
         return jnp.where(jnp.concatenate([jnp.zeros(1, bool), jump]), before_knot, jnp.inf)
 
-    def _before(self) -> Float[Array, "m d"]:
-        """Values just before every knot but the first, m = k - 1 of them."""
-        return self.values[:-1] + self.slopes[:-1] * jnp.diff(self.knots)[:, None]
+    def _before(self, xp: ModuleType = jnp) -> Any:
+        """Values (m, d) just before every knot but the first, m = k - 1 of them."""
+        knots, values, slopes = map(xp.asarray, (self.knots, self.values, self.slopes))
+        return values[:-1] + slopes[:-1] * xp.diff(knots)[:, None]
 
-    def around_knots(self) -> Float[Array, "m d"]:
-        """Values on both sides of the knots: those at all times lie between them."""
-        return jnp.concatenate([self.values, self._before()])
+    def around_knots(self) -> Any:
+        """Values (m, d) on both sides of the knots: those at all times lie between them.
+
+        Of known numbers by numpy, which compiles nothing.
+        """
+        xp = jnp if is_traced(self) else np
+        return xp.concatenate([xp.asarray(self.values), self._before(xp)])
 
     def kinks(self) -> Float[Array, " k"]:
         """Times of the knots without a jump, s; inf at the others."""

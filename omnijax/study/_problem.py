@@ -10,6 +10,7 @@ as one inside.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -120,11 +121,13 @@ def check_variables(variables: tuple[Variable, ...]) -> None:
         raise InputError(problems)
 
 
+@jax.jit
 def from_angle(z):
     """s = (1 - cos z)/2."""
     return 0.5 * (1 - jnp.cos(z))
 
 
+@jax.jit
 def to_angle(share):
     """z in [0, pi] of s."""
     return jnp.arccos(1 - 2 * jnp.clip(share, 0.0, 1.0))

@@ -26,7 +26,7 @@ from .._channels import trajectory
 from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
 from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
 from .._remarks import ends, remarks
-from .._signals import Vector, is_constant, is_traced
+from .._signals import Signal, Vector, is_constant, is_traced
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
 from .constant import constant_response
@@ -171,12 +171,18 @@ class _Ahead(NamedTuple):
     knots: int  # in the room for those of one piece
 
 
+@jax.jit
+def _speeds_at(speed: Signal, times: Float[Array, " k"]) -> tuple[Array, Array]:
+    """Speeds and their slopes at some times."""
+    return jax.vmap(speed)(times), jax.vmap(speed.rate)(times)
+
+
 def _ahead(rig: Rig, drive: SpeedDrive, ts, cuts, model: str) -> _Ahead:
     ends = [cuts, np.asarray(ts[-1:])]
     inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
     knots = np.unique(np.concatenate([inside, *ends]))
-    begin, lasts = jnp.asarray(knots[:-1]), np.diff(knots)[:, None]
-    early, rate = (np.asarray(jax.vmap(f)(begin)) for f in (drive.speed, drive.speed.rate))
+    lasts = np.diff(knots)[:, None]
+    early, rate = map(np.asarray, _speeds_at(drive.speed, knots[:-1]))
     fastest = np.maximum(np.abs(early), np.abs(early + rate * lasts))  # straight between knots
     turned = (fastest * lasts).max(axis=0, initial=0.0)
     shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]

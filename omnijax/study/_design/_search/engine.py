@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ...._arrays import on_device
 from ..._problem import Problem, check_variables
 from ..._study_folder import Folder, Report
 from .feasibility import restore_feasibility
@@ -148,7 +149,7 @@ class Engine:
             report(0, total)
         for first in range(0, total, batch):
             index = np.minimum(np.arange(first, first + batch), total - 1)  # one shape: one program
-            part = Starts(*(x[index] for x in lanes))
+            part = Starts(*(on_device(np.asarray(x)[index]) for x in lanes))
             keys = [f"{stage}-{i}" for i in range(first, min(first + batch, total))]
             ends = {i: end for i, key in enumerate(keys) if (end := self._stored(key)) is not None}
             if report is not None and ends:
