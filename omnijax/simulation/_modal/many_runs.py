@@ -103,6 +103,7 @@ class ModalRuns:
         few = layout._replace(
             rows=len(rows),
             tables=(),
+            tabled=(),
             live=tuple(layout.live[row] for row in rows),
             waves=tuple(layout.waves[row] for row in rows),
         )

@@ -38,8 +38,6 @@ def modal_steady_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     reason = modal_obstacle(rig, model)
     if reason is not None:
         return reason
-    if tables := wheels_with_tables(rig):
-        return f"wheel {rig.names[tables[0]]}'s profile `table` is no sum of sinusoids"
     laws = [(placed.law, placed.wheels) for placed in rig.at("shape")]
     for i, name in enumerate(rig.names):
         if sum(i in wheels for law, wheels in laws if isinstance(law, DamagedRoller)) > 1:

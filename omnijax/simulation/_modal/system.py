@@ -58,6 +58,7 @@ class Layout(NamedTuple):
     in_step: bool = False  # whether blocks without a closed form are done by `shifted_qr`
     short: bool = False  # whether unlike phases that take about as long pass through one program
     tables: tuple[int, ...] = ()  # number of the input column that each table drives
+    tabled: tuple[tuple[int, ...], ...] = ()  # tables that each row of the outputs shows
 
     def place(self, output: str) -> np.ndarray:
         """The rows of an output."""

@@ -26,8 +26,10 @@ from ..arithmetic import (
     summed,
     turned,
 )
+from .._poles import PolePairs
 from ..lanes import Lanes
 from ..system import Layout
+from ..table_signals import moved_on
 from .phases import (
     PhaseCycle,
     Phases,
@@ -39,9 +41,21 @@ from .phases import (
     free_starts,
     piece_of,
     spot_on,
+    wide,
 )
+from .table_wave import TablePlace, TableWave, at_piece, passed, rate_of, starts_of
 
 BEYOND = 1e-9  # of the period: where the next piece is on, whichever it is
+
+
+class TableCurves(NamedTuple):
+    """What outputs (r) show of the tables of phases."""
+
+    wave: TableWave
+    start: Pair  # (k, r, q, s, c), at the begin of each piece, of a unit of rho
+    weight: Pair  # (r, q, s, c), of what that moves by
+    direct: Float[Array, "r s c"]
+    slope: Float[Array, "r s c"]
 
 
 class ModalCurves(NamedTuple):
@@ -57,6 +71,7 @@ class ModalCurves(NamedTuple):
     free: tuple[Pair, ...]  # of each signal with edges: (r, q, k, s, c) at the begin of its pieces
     cosine: tuple[Array, ...]  # of each signal: (r, w, k, s, c)
     sine: tuple[Array, ...]
+    table: TableCurves | None = None
 
     @property
     def waves(self) -> tuple[Wave, ...]:
@@ -66,7 +81,7 @@ class ModalCurves(NamedTuple):
     @property
     def outputs(self) -> int:
         """How many."""
-        return len(self.cosine[0])
+        return len(self.show[0])
 
 
 class ShownRows(NamedTuple):
@@ -81,7 +96,10 @@ def rows_shown(layout: Layout, phases: Phases, rows: Sequence[int]) -> list[list
     """Which of the outputs `rows` each phase moves."""
     signal = layout.signal_of
     each = []
-    for i in phases.first:
+    for i in phases.first(layout):
+        if i >= len(layout.kinds):
+            each.append([row for row in rows if i - len(layout.kinds) in layout.tabled[row]])
+            continue
         column = layout.kinds[i].column
         own = {v for v, of in enumerate(signal) if layout.kinds[of].column == column}
         each.append([row for row in rows if own & set(layout.waves[row])])
@@ -143,8 +161,26 @@ def curves_of(g: Lanes, layout: Layout, phases: Phases, shown: ShownRows) -> Mod
         cosine, sine = turned(wave.cosine, wave.sine, level, turn)
         cosines.append(cosine)
         sines.append(sine)
-    pole = pole[0], pole[1]
-    return ModalCurves(kind, pole, c, cycle, tuple(free), tuple(cosines), tuple(sines))
+    pole, table = (pole[0], pole[1]), None
+    if cycle.table is not None:
+        starts = _table_starts(m, cycle, phases, pairs)
+        table = TableCurves(cycle.table, starts, onward(kind, c, b), direct, slope)
+    return ModalCurves(kind, pole, c, cycle, tuple(free), tuple(cosines), tuple(sines), table)
+
+
+def _table_starts(m: PolePairs, cycle: PhaseCycle, phases: Phases, pairs: np.ndarray) -> Pair:
+    """The pairs that outputs show where each piece of the phases' tables begins, (k, r, q, s, c).
+
+    A table that belongs to several of the phases is passed once.
+    """
+    assert cycle.table is not None
+    of_phases = list(phases.tables[0])
+    numbers = [of_phases.index(t) for t in dict.fromkeys(of_phases)]
+    duration, rho = (x[..., np.array(numbers), :] for x in cycle.table)
+    starts = starts_of(wide(m), TableWave(duration, rho))
+    phase = np.array([numbers.index(of_phases.index(t)) for t in of_phases])
+    first, second = (x[:, np.broadcast_to(pairs, (*pairs.shape[:2], len(phase))), phase] for x in starts)
+    return first, second
 
 
 def phase_by_phase(function: Callable, f: ModalCurves, *own):
@@ -211,6 +247,32 @@ def _values_at(f: ModalCurves, spot: Spot, orders: int) -> list[Array]:
             for n in range(orders):
                 values[n] = values[n] + _seen(f.show, z)
                 z = product(f.kind, z, f.pole)
+    if f.table is None:
+        return values
+    return [x + y for x, y in zip(values, _table_values(f, spot.time, orders), strict=True)]
+
+
+def _table_values(f: ModalCurves, time, orders: int) -> list[Array]:
+    """What tables add to `values_at` a time."""
+    t = f.table
+    assert t is not None
+    piece, into = TablePlace.at(t.wave, time)
+    rho, (z0, z1) = at_piece(t.wave.rho, piece), (at_piece(z, piece) for z in t.start)
+    z = stored(lambda kind, *x: passed(kind, x[:2], x[2:4], *x[4:]), f.kind, *f.pole, z0, z1,
+               into, rho)  # fmt: skip
+    return shown_by_tables(f, z, moved_on(rho, into), orders)
+
+
+def shown_by_tables(
+    f: ModalCurves, z: Pair, rho: Float[Array, "4 s c"], orders: int
+) -> list[Array]:
+    """What outputs (r, s, c) show of tables with the response z to these levels, and its rates."""
+    t = f.table
+    assert t is not None
+    values, rho = [], jnp.concatenate([rho, jnp.zeros_like(rho[:1])])
+    for n in range(orders):
+        values.append(_seen(t.weight, z) + t.direct * rho[n] + t.slope * rho[n + 1])
+        z = rate_of(f.kind, f.pole, z, rho[n])
     return values
 
 
@@ -241,7 +303,7 @@ def free_size(kind, w: Pair):
 
 def size_of(f: ModalCurves) -> Float[Array, "r s c"]:
     """Above the size of every output."""
-    total = jnp.zeros((1, 1, 1))
+    total = jnp.zeros((1, 1, 1)) if f.table is None else _table_size(f, f.table)
     for y in f.free:
         pieces = ((y[0][:, :, k], y[1][:, :, k]) for k in range(y[0].shape[2]))
         each = [summed(free_size(f.kind, weights(f, z)), 1) for z in pieces]
@@ -249,3 +311,27 @@ def size_of(f: ModalCurves) -> Float[Array, "r s c"]:
     for a, b in zip(f.cosine, f.sine, strict=True):
         total = total + jnp.max(jnp.sum(jnp.sqrt(a * a + b * b), axis=1), axis=1)
     return total
+
+
+def _table_size(f: ModalCurves, t: TableCurves) -> Float[Array, "r s c"]:
+    """Above the size of what outputs show of tables."""
+
+    def one(most, piece):
+        z, v, rho = piece
+        size = jnp.abs(rho)
+        level = size[0] + v * (size[1] + v / 2 * (size[2] + v / 3 * size[3]))
+        rate = size[1] + v * (size[2] + v / 2 * size[3])
+        k = f.kind > 0
+        forced = (
+            level * jnp.minimum(v, 1 / jnp.maximum(-pole, 1e-30))
+            for pole in (f.pole[0], jnp.where(k, f.pole[0], f.pole[1]))
+        )
+        first, second = (jnp.abs(x) for x in t.weight)
+        begun = free_size(f.kind, onward(f.kind, t.weight, z))
+        one, two = forced
+        more = jnp.where(k, jnp.sqrt(first**2 + second**2) * one, first * one + second * two)
+        whole = summed(begun + more, 1) + jnp.abs(t.direct) * level + jnp.abs(t.slope) * rate
+        return jnp.maximum(most, whole), None
+
+    none = jnp.zeros((f.outputs, *f.cycle.period.shape))
+    return jax.lax.scan(one, none, (t.start, t.wave.duration, t.wave.rho))[0]

@@ -37,7 +37,7 @@ def ends_of(g: Lanes, layout: Layout, rows: Sequence[int], signs: Sequence[float
     height = sign * constant(g.modes, layout, np.array(rows), g.direct)
     spots = []
     for phases in phases_of(layout):
-        count = len(phases.first)
+        count = phases.count
         moved = [rows_shown(layout, phases, [row]) for row in rows]
         pairs = [(r, s) for r, own in enumerate(moved) for s in range(count) if own[s]]
         none = jnp.zeros((len(signs), len(rows), count, lanes))
@@ -82,6 +82,8 @@ def with_grip(g: Lanes, layout: Layout) -> tuple[Lanes, Layout, list[int]]:
         return shown + each + each
 
     first, n = len(m.c0), layout.wheels
-    layout = layout._replace(live=also(layout.live), waves=also(layout.waves))
+    layout = layout._replace(
+        live=also(layout.live), waves=also(layout.waves), tabled=also(layout.tabled)
+    )
     rows = [*range(first, first + 2 * n)]
     return g._replace(modes=modes, direct=direct, slope=slope), layout, rows

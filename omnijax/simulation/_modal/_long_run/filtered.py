@@ -119,5 +119,5 @@ def filtered_slopes(
         value = through * whole - jnp.sum(over, axis=1)
         turned = bent * whole + through * by + jnp.sum(over * between[:, :, None], axis=1)
         direct, rate = (jnp.sum(x, axis=1).real for x in (at_mu, at_mu * mu[:, None, None]))
-        psi = psi.put(phases.first, m, value, turned, direct, rate)
+        psi = psi.put(phases.first(layout), m, value, turned, direct, rate)
     return psi.weighted(g, layout, rows, weight, signals)

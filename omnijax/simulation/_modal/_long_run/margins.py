@@ -14,6 +14,7 @@ from ..lanes import ROWS, Lanes
 from ..system import Layout
 from .curves import ModalCurves, curves_of, phase_by_phase, rows_shown, shown_rows, size_of
 from .pass_along import Block, along
+from .pass_tables import Interval, along_tables, highest
 from .phases import constant, phases_of
 
 
@@ -71,6 +72,12 @@ def _least(f: ModalCurves, mu, asked: Bool[Array, "w s c"]) -> Float[Array, "3 w
         over = [above <= -low for above, low in zip((normal, grip, grip), least, strict=True)]
         return functools.reduce(operator.and_, list(functools.reduce(operator.and_, over) | ~asked))
 
+    def gather_inside(least, on: Interval):
+        low = materialised(lambda mu, on: -highest(on, lambda x: -grips(x))[0], mu, on)
+        return jnp.minimum(least, low)
+
+    if f.table is not None:
+        return along_tables(f, gather_inside, jnp.full((3, *asked.shape), jnp.inf))
     return along(f, gather, jnp.full((3, *asked.shape), jnp.inf), idle)
 
 

@@ -27,14 +27,15 @@ from ..system import Layout
 from .moments import Moments, moments_of, slope_square
 from .phases import (
     PhaseCycle,
+    Phases,
     columns_of,
     constant,
     cycle_of,
     of_each,
     phases_of,
-    pulled,
     wide,
 )
+from .pulled import PulledBack, with_pull_back
 
 LEAST_DECAY = 1e-7  # over a period: what keeps the mean square of an undamped mode finite
 
@@ -52,7 +53,7 @@ class LongRunMeans(NamedTuple):
     modes: PolePairs  # that decay
     kind: Float[Array, "p c"]  # of all pairs, the design's own first
     phases: list[PhaseMeans]
-    back: Callable | None  # derivatives by the pairs (p, s, c) of each phase and by the signals
+    back: PulledBack | None
 
     def pulled(self, bars: list[PhaseMeans]) -> tuple[list[Pair], Signals]:
         """Derivatives of every R by its pole, (p, s, c), and of sums of all means by the signals.
@@ -60,14 +61,7 @@ class LongRunMeans(NamedTuple):
         `bars`: what the sums (m) are of, each with that leading axis.
         """
         assert self.back is not None
-
-        def unit(part: PhaseMeans) -> PhaseMeans:
-            none = jax.tree.map(jnp.zeros_like, part)
-            one = jnp.ones_like(part.moments.work[0])
-            work = one, jnp.where(self.kind[:, None] > 0, 0.0, one)
-            return none._replace(moments=none.moments._replace(work=work))
-
-        return pulled(self.back, self.kind, bars, [unit(part) for part in self.phases])
+        return self.back(self.kind, bars)
 
 
 def means_of(
@@ -89,12 +83,22 @@ def means_of(
     if not gradient:
         return LongRunMeans(own, m.kind, [materialised(means, wide(m), x) for x in cycles], None)
 
-    def every(poles: list[Pair], signals: Signals):
-        now = [cycle_of(signals, layout, phases) for phases in groups]
-        pairs = [wide(m)._replace(l0=x, l1=y) for x, y in poles]
-        return [means(*x) for x in zip(pairs, now, strict=True)]
+    def of_group(phases: Phases):
+        def of(pole: Pair, signals: Signals) -> PhaseMeans:
+            return means(wide(m)._replace(l0=pole[0], l1=pole[1]), cycle_of(signals, layout, phases))
 
-    each, back = jax.vjp(every, [of_each(m, cycle) for cycle in cycles], g.signals)
+        return of
+
+    def unit(part: PhaseMeans) -> PhaseMeans:
+        none = jax.tree.map(jnp.zeros_like, part)
+        one = jnp.ones_like(part.moments.work[0])
+        work = one, jnp.where(m.kind[:, None] > 0, 0.0, one)
+        return none._replace(moments=none.moments._replace(work=work))
+
+    each, back = with_pull_back(
+        [of_group(phases) for phases in groups], groups, [of_each(m, cycle) for cycle in cycles],
+        g.signals, unit, lambda part: part.moments.work,
+    )  # fmt: skip
     return LongRunMeans(own, m.kind, materialised(lambda x: x, each), back)
 
 
@@ -239,7 +243,7 @@ def mean_slopes(
             rate = 2 * part.slope * part.turn
             rate = rate - 2 * jnp.sum(part.shown * (pole[:, None] * R + S), axis=1).real
         direct = 2 * direct + more * part.moments.level
-        psi = psi.put(phases.first, m, value, turned, direct, rate)
+        psi = psi.put(phases.first(layout), m, value, turned, direct, rate)
     for i, kind in enumerate(layout.kinds):
         if kind.phase == CONSTANT:
             held = (-2 * mean.total[:, None] / pole)[:, :, None]
@@ -275,7 +279,7 @@ class Psi(NamedTuple):
     def none(cls, g: Lanes, layout: Layout, rows: int) -> "Psi":
         """Of outputs that nothing is asked of."""
         pairs, lanes = g.modes.l0.shape
-        pair, flat = (jnp.zeros((rows, len(layout.kinds) + n, *shape, lanes))
+        pair, flat = (jnp.zeros((rows, len(layout.columns) + n, *shape, lanes))
                       for n, shape in ((1, (pairs,)), (0, ())))  # fmt: skip
         return cls((pair, pair), (pair, pair), flat, flat)
 
@@ -297,7 +301,7 @@ class Psi(NamedTuple):
     def weighted(self, g: Lanes, layout: Layout, rows: np.ndarray, weight, signals) -> Slopes:
         """Derivatives of sums of figures of the outputs `rows`, times `weight` (m, o, c)."""
         m = g.modes
-        b = m.given([*(kind.column for kind in layout.kinds), -1])
+        b = m.given([*layout.columns, -1])
         own = [x[:, None] for x in seen(m.kind, (m.c0[rows], m.c1[rows]))]
 
         def shown(x: Pair) -> Pair:

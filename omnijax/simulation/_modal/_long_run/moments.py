@@ -10,6 +10,7 @@ from .._poles import PolePairs
 from ..arithmetic import Pair, exp_less_one, plus, product, sincos, summed, times, turned
 from ..resonance import resonance
 from .phases import PhaseCycle, Wave, follows, free_starts, ones
+from .table_wave import table_level, table_line, table_means, table_slope_square
 
 
 class Moments(NamedTuple):
@@ -151,6 +152,8 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
         both = _Overlap.of(own.wave, own.wave)
         first, second = (own.total(x) for x in _work(own.modes(m), own.wave, both))
         work, level, square = (first, second), _level(cycle), own.total(_product(own.wave, both))
+    if cycle.table is not None:
+        work, level, square = table_means(m, cycle.table)
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
         half, across = _with_endless(cycle)
@@ -170,6 +173,8 @@ def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
         wave, rate = own.wave, own.wave.rate[:, None]
         turned = wave._replace(cosine=rate * wave.sine, sine=-rate * wave.cosine)
         square = own.total(_product(turned, _Overlap.of(turned, turned)))
+    if cycle.table is not None:
+        square = table_slope_square(cycle.table)
     if cycle.endless:
         half, across = _with_endless(cycle)
         square = square + cycle.endless[0].rate[0] ** 2 * (half + across)
@@ -177,7 +182,9 @@ def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
 
 
 def _level(cycle: PhaseCycle) -> Float[Array, "s c"]:
-    """Mean over the phases' periods of the signals with edges."""
+    """Mean over the phases' periods of the signals with edges, or of tables."""
+    if cycle.table is not None:
+        return table_level(cycle.table)
     return sum((_mean(wave) for wave in cycle.edged), jnp.zeros_like(cycle.period))
 
 
@@ -189,7 +196,7 @@ def _with_endless(cycle: PhaseCycle):
     cosine = sum((wave.cosine[0, 0] for wave in cycle.endless), zero)
     sine = sum((wave.sine[0, 0] for wave in cycle.endless), zero)
     across = zero
-    if cycle.edged:
+    if cycle.edged or cycle.table is not None:
         a, b = _shared(cycle, rate)
         across = 2 * (cosine * a + sine * b)
     still = rate == 0
@@ -198,10 +205,13 @@ def _with_endless(cycle: PhaseCycle):
 
 
 def _shared(cycle: PhaseCycle, rate: Float[Array, "s c"]):
-    """Means of all signals with edges times cos(rate t) and sin(rate t).
+    """Means of all signals with edges, or of tables, times cos(rate t) and sin(rate t).
 
     Over a turn: nothing of a signal that repeats more than once in it.
     """
+    if cycle.table is not None:
+        once = cycle.table.period > 0.6 * cycle.period
+        return [jnp.where(once, x, 0.0) for x in table_line(cycle.table, rate)]
     count = len(cycle.edged)
     every, period = _side_by_side(*cycle.edged), jnp.concatenate([cycle.period] * count)
     once = every.period > 0.6 * period

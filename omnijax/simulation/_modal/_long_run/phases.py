@@ -11,7 +11,7 @@ import functools
 import itertools
 import math
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -24,6 +24,7 @@ from ..arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos
 from ..resonance import Resonance, resonance
 from ..signals import CONSTANT, FOREVER, SILENT, Signals
 from ..system import Layout
+from .table_wave import TablePlace, TableWave, at_piece, moved_on, passed, starts_of
 
 TURN = 2 * math.pi
 LACKING = -1  # number of a signal that a phase does not have
@@ -37,12 +38,18 @@ class Phases(NamedTuple):
 
     edged: tuple[tuple[int, ...], ...]
     endless: tuple[tuple[int, ...], ...]
+    tables: tuple[tuple[int, ...], ...] = ()  # one, of wheels with measured profiles, or none
+
+    def first(self, layout: Layout) -> tuple[int, ...]:
+        """One signal of each phase, tables after all others (see `Layout.columns`)."""
+        tables = (tuple(len(layout.kinds) + t for t in own) for own in self.tables)
+        each = zip(*tables, *self.edged, *self.endless, strict=True)
+        return tuple(next(i for i in own if i != LACKING) for own in each)
 
     @property
-    def first(self) -> tuple[int, ...]:
-        """One signal of each phase."""
-        each = zip(*self.edged, *self.endless, strict=True)
-        return tuple(next(i for i in own if i != LACKING) for own in each)
+    def count(self) -> int:
+        """How many."""
+        return len((*self.tables, *self.edged, *self.endless)[0])
 
 
 def phases_of(layout: Layout) -> tuple[Phases, ...]:
@@ -59,9 +66,14 @@ def phases_of(layout: Layout) -> tuple[Phases, ...]:
         kinds = [layout.kinds[i] for i in numbers]
         return max(kind.waves for kind in kinds), sum(kind.pieces > 1 for kind in kinds) > 1
 
+    beside = [own.pop(column, []) for column in layout.tables]  # a wheel's phase has its number
     alike = cost if layout.short else shape
     ordered = sorted(own.values(), key=alike)
-    return tuple(_beside(same, layout) for _, same in itertools.groupby(ordered, key=alike))
+    every = [_beside(same, layout) for _, same in itertools.groupby(ordered, key=alike)]
+    if layout.tables:
+        numbers = tuple(range(len(layout.tables)))
+        every.append(_beside(beside, layout)._replace(tables=(numbers,)))
+    return tuple(every)
 
 
 def _beside(every: Iterable[list[int]], layout: Layout) -> Phases:
@@ -102,11 +114,13 @@ class PhaseCycle(NamedTuple):
     """The signals of phases beside each other; `endless` has one piece, all of one rate.
 
     A second signal with edges comes once a turn, and has the pieces and rates of the first.
+    Phases with a table have none with edges.
     """
 
     edged: tuple[Wave, ...]
     endless: tuple[Wave, ...]
     period: Float[Array, "s c"]  # s, of the phase
+    table: TableWave | None = None
 
 
 def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> PhaseCycle:
@@ -122,13 +136,17 @@ def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> PhaseCycle:
     for numbers in phases.edged:
         known = (edged or endless or [None])[0]
         edged.append(_edged(signals, layout, numbers, known, size))
-    period = (edged or endless)[0].period
-    if edged and endless:  # at rest nothing repeats
+    table = None
+    if phases.tables:
+        assert signals.tables is not None
+        table = TableWave.of(signals.tables, phases.tables[0])
+    period = (table or (edged or endless)[0]).period
+    if (table or edged) and endless:  # at rest nothing repeats
         moves = _there(phases.endless[0]) & (endless[0].rate[0] != 0)
         period = jnp.where(moves, endless[0].period, period)
     for numbers, wave in zip(phases.edged[1:], edged[1:], strict=True):
         period = jnp.where(_there(numbers), wave.period, period)
-    return PhaseCycle(tuple(edged), tuple(endless), period)
+    return PhaseCycle(tuple(edged), tuple(endless), period, table)
 
 
 def _there(numbers: Sequence[int]) -> Bool[np.ndarray, "s 1"]:
@@ -195,19 +213,6 @@ def of_each(m: PolePairs, cycle: PhaseCycle) -> Pair:
     """The poles once for every phase, (p, s, c)."""
     m, room = wide(m), jnp.zeros_like(cycle.period)
     return m.l0 + room, m.l1 + room
-
-
-def pulled(back: Callable, kind: Float[Array, "p c"], bars: list, units: list):
-    """Derivatives by its own pole of every R, (p, s, c), and of sums by the signals, in one pass.
-
-    `back`: the way back to the poles of each phase and to the signals; `bars`: of the sums, with an
-    axis that leads; `units`: of the sum of all R, each of which depends on its own pole alone.
-    """
-    every = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), bars, units)
-    poles, signals = jax.vmap(back)(every)
-    complex_ = kind[:, None] > 0
-    slopes = [(x[-1], jnp.where(complex_, -y[-1], y[-1])) for x, y in poles]
-    return slopes, jax.tree.map(lambda x: x[:-1], signals)
 
 
 def ones(m: PolePairs) -> Pair:
@@ -319,12 +324,17 @@ def with_edges(known: PhaseCycle, spot: Spot, cycle: PhaseCycle) -> Spot:
     return spot._replace(time=jnp.where(first, begin, jnp.where(last, end, spot.time)))
 
 
-def response(m: PolePairs, cycle: PhaseCycle, spot: Spot) -> PeriodicResponse:
+def response(
+    m: PolePairs, cycle: PhaseCycle, spot: Spot, starts: Pair | None = None
+) -> PeriodicResponse:
     """The response at a spot, at any time of the periodic motion.
 
-    Of `wide` modes, or of modes (p, s, c) of each phase.
+    Of `wide` modes, or of modes (p, s, c) of each phase; `starts`: those of the phases' tables.
     """
     of_phases = []
+    if cycle.table is not None:
+        assert starts is not None
+        of_phases.append(_table_response(m, cycle.table, starts, spot.time))
     for wave in (*cycle.edged, *cycle.endless):
         r = follows(m, wave)
         here, into = piece_of(wave, spot)
@@ -345,9 +355,17 @@ def response(m: PolePairs, cycle: PhaseCycle, spot: Spot) -> PeriodicResponse:
     return PeriodicResponse((first, second), level, slope)
 
 
+def _table_response(m: PolePairs, wave: TableWave, starts: Pair, time):
+    """The response at a time to the phases' tables, and their levels and slopes."""
+    piece, into = TablePlace.at(wave, time)
+    begin, rho = (at_piece(starts[0], piece), at_piece(starts[1], piece)), at_piece(wave.rho, piece)
+    z = passed(m.kind, (m.l0, m.l1), begin, into, rho)
+    return (*z, *moved_on(rho, into)[:2])
+
+
 def columns_of(layout: Layout, phases: Phases) -> np.ndarray:
     """The input column of each phase."""
-    return np.array([layout.kinds[i].column for i in phases.first])
+    return np.array(layout.columns)[list(phases.first(layout))]
 
 
 def given(m: PolePairs, columns: np.ndarray) -> Pair:

@@ -30,11 +30,12 @@ from .phases import (
     of_each,
     ones,
     phases_of,
-    pulled,
     response,
     wide,
     with_edges,
 )
+from .pulled import with_pull_back
+from .table_wave import starts_of
 
 
 class AtSpots(NamedTuple):
@@ -59,7 +60,7 @@ def repeated(phases: Phases, numbers: Sequence[int] | np.ndarray) -> Phases:
 
 def _of_each(phases: Phases, figures: int) -> Phases:
     """The phases once more for every figure."""
-    return repeated(phases, figures * [*range(len(phases.first))])
+    return repeated(phases, figures * [*range(phases.count)])
 
 
 def _flat(spot: Spot) -> Spot:
@@ -87,18 +88,45 @@ def _responses(g: Lanes, layout: Layout, reached: AtSpots):
 
     What is largest at an edge moves with it.
     """
-    groups = [_of_each(phases, len(reached.value)) for phases in phases_of(layout)]
-    spots, m = [_flat(spot) for spot in reached.spots], wide(g.modes)
-    known = [cycle_of(g.signals, layout, phases) for phases in groups]
+    groups, figures, m = phases_of(layout), len(reached.value), wide(g.modes)
 
-    def responses(poles: list[Pair], signals: Signals) -> list[PeriodicResponse]:
-        now = [cycle_of(signals, layout, phases) for phases in groups]
-        return [
-            response(m._replace(l0=pole[0], l1=pole[1]), cycle, with_edges(at, spot, cycle))
-            for pole, at, spot, cycle in zip(poles, known, spots, now, strict=True)
-        ]
+    def with_edges_at(phases: Phases, spot: Spot):
+        every = _of_each(phases, figures)
+        known, at = cycle_of(g.signals, layout, every), _flat(spot)
 
-    return jax.vjp(responses, [of_each(g.modes, cycle) for cycle in known], g.signals)
+        def responses(pole: Pair, signals: Signals) -> PeriodicResponse:
+            now = cycle_of(signals, layout, every)
+            return response(m._replace(l0=pole[0], l1=pole[1]), now, with_edges(known, at, now))
+
+        return responses, of_each(g.modes, known)
+
+    def with_table(phases: Phases, spot: Spot):
+        def responses(pole: Pair, signals: Signals) -> PeriodicResponse:
+            now, own = cycle_of(signals, layout, phases), m._replace(l0=pole[0], l1=pole[1])
+            assert now.table is not None
+            starts = starts_of(own, now.table)
+            each = jax.vmap(lambda spot: response(own, now, spot, starts))(spot)
+            return PeriodicResponse(
+                (_side_by_side(each.pole[0]), _side_by_side(each.pole[1])),
+                *(x.reshape(-1, x.shape[-1]) for x in (each.level, each.slope)),
+            )
+
+        return responses, of_each(g.modes, cycle_of(g.signals, layout, phases))
+
+    each = [
+        (with_table if phases.tables else with_edges_at)(phases, spot)
+        for phases, spot in zip(groups, reached.spots, strict=True)
+    ]
+    functions, poles = zip(*each, strict=True)
+    return with_pull_back(
+        functions, groups, list(poles), g.signals, lambda part: _unit(g.modes, part),
+        lambda part: part.pole,
+    )  # fmt: skip
+
+
+def _side_by_side(x):
+    """(f, p, s, c) -> (p, f s, c)."""
+    return _joined(jnp.moveaxis(x, 0, 1))
 
 
 def _placed(layout: Layout, figures: int, each: Sequence[Array], still: Array | float) -> Array:
@@ -107,10 +135,10 @@ def _placed(layout: Layout, figures: int, each: Sequence[Array], still: Array | 
     `still`: of a unit that is constant.
     """
     one = each[0]
-    whole = jnp.zeros((figures, len(layout.kinds) + 1, *one.shape[:-2], one.shape[-1]))
+    whole = jnp.zeros((figures, len(layout.columns) + 1, *one.shape[:-2], one.shape[-1]))
     for phases, x in zip(phases_of(layout), each, strict=True):
         own = jnp.moveaxis(_apart(x, figures), -2, 1)
-        whole = whole.at[:, np.array(phases.first)].set(own)
+        whole = whole.at[:, np.array(phases.first(layout))].set(own)
     constant = [i for i, kind in enumerate(layout.kinds) if kind.phase == CONSTANT]
     return whole.at[:, np.array(constant, int)].set(still)
 
@@ -134,13 +162,13 @@ def spot_slopes(
         _bar(g, columns_of(layout, phases), own, weight, by[..., None, :])
         for phases in phases_of(layout)
     ]
-    slopes, signals = pulled(back, m.kind, bars, [_unit(m, part) for part in now])
+    slopes, signals = back(m.kind, bars)
     held = quotient(m.kind, ones(m), (-m.l0, -m.l1))
     pole = _placed_pairs(layout, figures, [part.pole for part in now], held)
     turned = _placed_pairs(layout, figures, slopes, product(m.kind, held, held))
     level = _placed(layout, figures, [part.level for part in now], 1.0)[:, :-1]
     slope = _placed(layout, figures, [part.slope for part in now], 0.0)[:, :-1]
-    b = m.given([*(kind.column for kind in layout.kinds), -1])
+    b = m.given([*layout.columns, -1])
     on = by[:, :, None] * weight  # (m, f, o, c)
     shown, given = [], []
     for x in (pole, turned):
@@ -149,7 +177,7 @@ def spot_slopes(
         given.append([summed(y, 1)[:, None] for y in product(m.kind, b, x)])  # (f, 1, p, c)
     on_rows = [tuple(_over(y, on[:, :, :, None]) for y in x) for x in given]
     straight = [_over(x[:, :, None], on[:, :, None]) for x in (level, slope)]
-    columns = np.array([kind.column for kind in layout.kinds])
+    columns = np.array(layout.columns)
     outputs = jnp.sum(m.c0[rows] * given[0][0] + m.c1[rows] * given[0][1], axis=2)
     for x, y in ((g.direct, level), (g.slope, slope)):
         outputs = outputs + jnp.sum(x[columns][:, rows] * y[:, :, None], axis=1)

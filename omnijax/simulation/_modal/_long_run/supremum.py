@@ -33,7 +33,9 @@ from .curves import (
     shown_rows,
     values_at,
 )
+from . import pass_tables
 from .pass_along import COARSE, LENGTH, Block, along
+from .pass_tables import Interval, along_tables, highest
 from .phases import Spot, constant, phases_of, spot_on
 
 AROUND = 48  # directions of the search
@@ -65,7 +67,7 @@ def is_straight(layout: Layout, rows: np.ndarray) -> bool:
 def _curves(g: Lanes, layout: Layout, rows: np.ndarray) -> list[ModalCurves]:
     """A vector of outputs of every phase."""
     return [
-        curves_of(g, layout, phases, shown_rows(layout, [rows.tolist()] * len(phases.first)))
+        curves_of(g, layout, phases, shown_rows(layout, [rows.tolist()] * phases.count))
         for phases in phases_of(layout)
     ]
 
@@ -133,17 +135,25 @@ def _tops(f: ModalCurves) -> _Tops:
             functools.reduce(jnp.maximum, seen), functools.reduce(jnp.minimum, seen)
         )
 
-    def gather(best: _Tops, x, block: Block):
+    def highest_of(best: _Tops, x, counts, begin, step):
         both = materialised(extremes, x)
         height = jnp.concatenate([both.real, -both.imag])
-        height = jnp.where(block.counts, height, -jnp.inf)
-        return _higher(best, height, jax.lax.complex(block.begin, block.step))
+        height = jnp.where(counts, height, -jnp.inf)
+        return _higher(best, height, jax.lax.complex(begin, step))
+
+    def gather(best: _Tops, x, block: Block):
+        return highest_of(best, x, block.counts, block.begin, block.step)
+
+    def gather_ends(best: _Tops, on: Interval):
+        return highest_of(best, jnp.stack(on.value), on.counts, on.begin, on.length)
 
     def idle(best: _Tops, above):  # along each axis
         known = jnp.minimum(best.height[:n], best.height[n:])
         over = [sum(x * y for x, y in zip(own, above, strict=True)) for own in size]
         return functools.reduce(operator.and_, (x <= y for x, y in zip(over, known, strict=True)))
 
+    if f.table is not None:
+        return along_tables(f, gather_ends, _none(f, 2 * n), pass_tables.COARSE)
     return along(f, gather, _none(f, 2 * n), idle, COARSE)
 
 
@@ -191,11 +201,25 @@ def _two_tops(f: ModalCurves, heights: Callable, start, count: int, idle: Callab
         place = jax.lax.complex(block.begin, block.step)
         high = jnp.where(block.counts, jnp.maximum(*both), -jnp.inf)
         low = jnp.where(block.counts, jnp.minimum(*both), -jnp.inf)
+        return kept(best, high, low, place)
+
+    def kept(best, high, low, place):
         first, second = best
         above = high > first.height
         lost = _Tops(*(jnp.where(above, x, y) for x, y in zip(first, second, strict=True)))
         return _higher(first, high, place), _higher(lost, jnp.where(above, low, high), place)
 
+    def gather_inside(best, on: Interval):
+        def top(start, on: Interval):
+            high, at = highest(on, functools.partial(heights, start))
+            return jax.lax.complex(_marked(high, 0), on.begin + at * on.length)
+
+        both = materialised(top, start, on)
+        place = jax.lax.complex(both.imag, jnp.broadcast_to(on.length, both.shape))
+        return kept(best, both.real, jnp.full_like(both.real, -jnp.inf), place)
+
+    if f.table is not None:
+        return along_tables(f, gather_inside, (_none(f, count), _none(f, count)))
     return along(f, gather, (_none(f, count), _none(f, count)), idle, d=d)
 
 

@@ -3,6 +3,7 @@
 from .outputs import TableLanes as TableLanes
 from .outputs import table_lanes as table_lanes
 from .outputs import table_outputs as table_outputs
+from .response import phis as phis
 from .slopes import TableSums as TableSums
 from .slopes import table_slopes as table_slopes
 from .slopes import table_sums as table_sums

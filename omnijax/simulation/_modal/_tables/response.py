@@ -39,8 +39,9 @@ from ..arithmetic import (
 )
 from ..table_signals import DEGREE, moved_on
 
-SMALL = 0.25  # |lambda v| below which phi_4 is a series: others lose 12 bits of it there
-TERMS = 9  # of that series, the next one of which is below 1e-13
+# |lambda v| below which the highest phi is a series, as others lose 12 bits of it there, and terms
+# of that series, the next one of which is below 1e-13
+SERIES = {DEGREE + 1: (0.25, 9), 2 * DEGREE + 2: (1.5, 15)}
 RESONANT = 1e-3  # |1 - q| below which digits would be lost
 
 
@@ -71,26 +72,27 @@ class TableResponse(NamedTuple):
     z: Pair  # (p, t)
 
 
-def phis(kind, a: Pair) -> list[Pair]:
-    """phi_0 = exp(a), phi_1, ..., phi_4 of pairs."""
+def phis(kind, a: Pair, highest: int = DEGREE + 1) -> list[Pair]:
+    """phi_0 = exp(a), phi_1, ..., the `highest` of pairs."""
+    limit, terms = SERIES[highest]
     one = jnp.ones_like(a[0]), jnp.where(kind > 0, 0.0, jnp.ones_like(a[0]))
     k = kind > 0
     size = jnp.where(k, jnp.abs(a[0]) + jnp.abs(a[1]), jnp.abs(a[0]))
-    small = size < SMALL, jnp.where(k, size, jnp.abs(a[1])) < SMALL
+    small = size < limit, jnp.where(k, size, jnp.abs(a[1])) < limit
 
     def chosen(yes, no) -> Pair:
         return jnp.where(small[0], yes[0], no[0]), jnp.where(small[1], yes[1], no[1])
 
     near, far = chosen(a, times(0.0, one)), chosen(one, a)
-    last = times(1 / math.factorial(TERMS + 3), one)
-    for n in range(TERMS - 1, 0, -1):
-        last = plus(times(1 / math.factorial(n + 3), one), product(kind, last, near))
+    last = times(1 / math.factorial(terms - 1 + highest), one)
+    for n in range(terms - 1, 0, -1):
+        last = plus(times(1 / math.factorial(n - 1 + highest), one), product(kind, last, near))
     below = [last]  # phi_j = a phi_(j + 1) + 1/j!
-    for j in range(DEGREE, 0, -1):
+    for j in range(highest - 1, 0, -1):
         below.append(plus(product(kind, near, below[-1]), times(1 / math.factorial(j), one)))
     power, inverse = pair_exp(kind, a), quotient(kind, one, far)
     above = [power]  # phi_(j + 1) = (phi_j - 1/j!)/a
-    for j in range(DEGREE + 1):
+    for j in range(highest):
         less = plus(above[-1], times(-1 / math.factorial(j), one))
         above.append(product(kind, less, inverse))
     return [power, *(chosen(x, y) for x, y in zip(below[::-1], above[1:], strict=True))]
