@@ -35,7 +35,7 @@ from omnijax.study._evaluation.fixed_steps import (
     fine_enough,
     sample_to_check,
 )
-from omnijax.study._evaluation.methods import METHODS, obstacle
+from omnijax.study._evaluation.methods import METHODS, gathers, obstacle
 from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
 from omnijax.vibration import evaluate
@@ -43,6 +43,14 @@ from omnijax.vibration import evaluate
 pytestmark = [pytest.mark.long, ANY_SPEEDS]
 
 METRICS = ("rms", "peak")
+
+
+def way(method: str, rig, names, times, substeps: int) -> Evaluation:
+    """An evaluation by a method, as it is chosen."""
+    gathered = gathers(method, rig, "coupled", names)
+    return Evaluation(method, names, times=times, substeps=substeps, gathered=gathered)
+
+
 OTHERS = (  # one of each channel, read from samples
     "elastic_rms", "peak_to_peak_y", "sphere_acceleration_peak", "platform_acceleration_rms",
     "lift_off_margin", "slip_margin",
@@ -380,10 +388,8 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
     turns = effects is effects_of_a_turn
     ts = None if steady else samples_of(*((0.3, 50.0) if turns else (0.08, 500.0)))
     names = (*METRICS, *OTHERS) if turns else METRICS
-    hows = [
-        Evaluation(method, names, times=ts, substeps=SUBSTEPS[effects] if methods == FIXED else 1)
-        for method in methods
-    ]
+    substeps = SUBSTEPS[effects] if methods == FIXED else 1
+    hows = [way(method, rig, names, ts, substeps) for method in methods]
     drive = drawn_drive(rig, rng, kind)
     reference = steady_figures if steady else run_figures(ts, names)
     for moved in compared(hows, rig, drive, reference, rng, values, designs):
@@ -418,7 +424,7 @@ def test_figures_in_every_quantity_with_laws_of_a_user(methods):
     for name in rng.permutation(chosen):
         rig = rig.add(*users_law(rng, name, rig))
     ts = None if steady else samples_of(0.08, 500.0)
-    hows = [Evaluation(m, METRICS, times=ts, substeps=64 if torque else 1) for m in methods]
+    hows = [way(method, rig, METRICS, ts, 64 if torque else 1) for method in methods]
     drive = drawn_drive(rig, rng, "torque" if torque else "speed")
     reference = steady_figures if steady else run_figures(ts, METRICS)
     # the times of a constant command; the sphere's turning hardly moves dR, if its mass is aside

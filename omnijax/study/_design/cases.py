@@ -30,6 +30,7 @@ from .._evaluation import (
     choose,
     evaluate_in_bulk,
     evaluation_of,
+    gathers,
     samples_of,
 )
 from .._file import Study
@@ -221,8 +222,12 @@ class RigCases:
     def in_bulk(self) -> Evaluation | None:
         """How `many` are evaluated; None where they cannot be."""
         rows = not reads_runs(self.study.constraints)
-        method, _ = choose(self.question._replace(rows=rows, samples=self.how.samples))
-        return self.how._replace(method=method) if method in BULK else None
+        asked = self.question._replace(rows=rows, samples=self.how.samples)
+        method, _ = choose(asked)
+        if method not in BULK:
+            return None
+        gathered = gathers(method, asked.rig, asked.model, asked.metrics)
+        return self.how._replace(method=method, gathered=gathered)
 
     def goes_in_bulk(self, draws: int) -> bool:
         """Whether a design in every case, with so many draws, is rather evaluated in bulk."""

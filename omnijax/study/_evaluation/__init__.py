@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .methods import METHODS as METHODS
     from .methods import Question as Question
     from .methods import choose as choose
+    from .methods import gathers as gathers
     from .rows import Rows as Rows
 
 __getattr__, __dir__ = lazy_face(__name__)

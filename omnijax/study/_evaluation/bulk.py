@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ..._status import Status
 from ...rig import Rig
-from ...simulation import BULK_METRICS, Operating, SpeedDrive, figures_obstacle, modal_figures
+from ...simulation import Operating, SpeedDrive, modal_figures
 from ...vibration import long_run_metrics, run_metrics
 from .drives import Drive
 from .evaluation import Evaluation, margin_status
@@ -39,11 +39,7 @@ def evaluate_in_bulk(
         )
     else:
         duration = float(how.times[-1])
-        few = set(how.metrics) <= set(BULK_METRICS)  # gathered on the way, without any samples
-        if few:  # but of measured tables
-            first = machine(jnp.asarray(rows[0], float))[0]
-            few = figures_obstacle(first, how.model, how.metrics) is None
-        result = (modal_figures if few else run_metrics)(
+        result = (modal_figures if how.gathered else run_metrics)(
             make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient, total=total,
         )  # fmt: skip

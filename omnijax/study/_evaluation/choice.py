@@ -14,7 +14,7 @@ from .drives import apply
 from .evaluation import Evaluation, samples_of, without_run
 from .fixed_steps import fine_enough, trial_designs
 from .in_step import wheels_in_step
-from .methods import Question, choose
+from .methods import Question, choose, gathers
 from .misfits import speed_misfits
 
 Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
@@ -65,6 +65,7 @@ def evaluation_of(
         rtol=RTOL if rtol is None else rtol,
         max_steps=MAX_STEPS if max_steps is None else max_steps,
         forward=question.gradient,
+        gathered=gathers(method, question.rig, question.model, question.metrics),
     )
     if method != "fixed":
         return how, why

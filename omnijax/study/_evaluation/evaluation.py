@@ -50,6 +50,7 @@ class Evaluation(NamedTuple):
     max_steps: int = MAX_STEPS
     forward: bool = True  # whether a full simulation is differentiated, forwards
     substeps: Any = 1  # of fixed steps
+    gathered: bool = False  # whether runs in bulk are not read from samples: see `gathers`
 
     def __call__(self, rig: Rig, drive: Drive) -> Figures:
         """Figures and status of one design."""

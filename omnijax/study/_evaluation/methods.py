@@ -5,7 +5,7 @@ steady ones: those of its long run).  What a method cannot honour is an obstacle
 goes to the first method without one, and where none is left the question is refused.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -159,6 +159,11 @@ OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
 def obstacle(method: str, question: Question) -> str | None:
     """What `method` cannot honour of the question, in words; None where it serves."""
     return next((why for of in OBSTACLES[method] if (why := of(question)) is not None), None)
+
+
+def gathers(method: str, rig: Rig, model: str, metrics: Sequence[str]) -> bool:
+    """Whether `method` gathers the figures on the way through runs, without keeping samples."""
+    return method == "bulk" and figures_obstacle(rig, model, metrics) is None
 
 
 def cost_of_steps(duration: float | None) -> str:

@@ -13,6 +13,7 @@ from .._evaluation import (
     Evaluation,
     Rows,
     drive_from_plain,
+    gathers,
     samples_of,
 )
 from .spec import SweepSpec
@@ -55,12 +56,13 @@ def machine_in(spec: SweepSpec) -> tuple[Rig, Drive]:
     return rig, drive_from_plain(spec.drive)
 
 
-def evaluation_in(spec: SweepSpec) -> Evaluation:
-    """How a spec's designs are evaluated."""
+def evaluation_in(spec: SweepSpec, rig: Rig) -> Evaluation:
+    """How a spec's designs, of its `rig`, are evaluated."""
     return Evaluation(
         spec.method, spec.metrics, spec.model, samples_of(spec.duration, spec.rate),
         spec.solver or "auto",
         spec.rtol or RTOL, spec.max_steps or MAX_STEPS, spec.gradient, spec.substeps or 1,
+        gathers(spec.method, rig, spec.model, spec.metrics),
     )  # fmt: skip
 
 
@@ -70,8 +72,9 @@ class Evaluator:
     def __init__(self, spec: SweepSpec, devices: int = 1):
         self.spec, self.points = spec, spec.points
         self._paths = tuple(path for path, _, _ in spec.vary)
+        rig, drive = machine_in(spec)
         self._rows = Rows(
-            evaluation_in(spec), *machine_in(spec), self._paths, spec.gradient, devices,
+            evaluation_in(spec, rig), rig, drive, self._paths, spec.gradient, devices,
             total=self.points.size,
         )  # fmt: skip
         few = 1 << (self.points.size - 1).bit_length()  # no more than there are designs

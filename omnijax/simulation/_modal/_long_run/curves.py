@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._poles import PolePairs
 from ..arithmetic import (
     Pair,
     flushed,
@@ -26,7 +27,6 @@ from ..arithmetic import (
     summed,
     turned,
 )
-from .._poles import PolePairs
 from ..lanes import Lanes
 from ..system import Layout
 from ..table_signals import moved_on
@@ -179,7 +179,9 @@ def _table_starts(m: PolePairs, cycle: PhaseCycle, phases: Phases, pairs: np.nda
     duration, rho = (x[..., np.array(numbers), :] for x in cycle.table)
     starts = starts_of(wide(m), TableWave(duration, rho))
     phase = np.array([numbers.index(of_phases.index(t)) for t in of_phases])
-    first, second = (x[:, np.broadcast_to(pairs, (*pairs.shape[:2], len(phase))), phase] for x in starts)
+    first, second = (
+        x[:, np.broadcast_to(pairs, (*pairs.shape[:2], len(phase))), phase] for x in starts
+    )
     return first, second
 
 

@@ -10,7 +10,6 @@ All that is asked of a signal is R at every pole, the mean of rho and those of i
 slope's.  Phases run independently: variances add up, means add up first.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -85,7 +84,9 @@ def means_of(
 
     def of_group(phases: Phases):
         def of(pole: Pair, signals: Signals) -> PhaseMeans:
-            return means(wide(m)._replace(l0=pole[0], l1=pole[1]), cycle_of(signals, layout, phases))
+            return means(
+                wide(m)._replace(l0=pole[0], l1=pole[1]), cycle_of(signals, layout, phases)
+            )
 
         return of
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..._one_kernel import one_kernel
-from ..arithmetic import Pair, across, materialised, plus, product, sincos, stored, summed, times
+from ..arithmetic import Pair, across, materialised, plus, product, sincos, stored, times
 from ..table_signals import moved_on
 from .curves import ModalCurves, TableCurves, shown_by_tables, size_of
 from .table_wave import unit_moves

@@ -24,7 +24,7 @@ from ..arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos
 from ..resonance import Resonance, resonance
 from ..signals import CONSTANT, FOREVER, SILENT, Signals
 from ..system import Layout
-from .table_wave import TablePlace, TableWave, at_piece, moved_on, passed, starts_of
+from .table_wave import TablePlace, TableWave, at_piece, moved_on, passed
 
 TURN = 2 * math.pi
 LACKING = -1  # number of a signal that a phase does not have

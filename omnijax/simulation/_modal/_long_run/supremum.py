@@ -23,6 +23,7 @@ from ..._steady import sphere
 from ..arithmetic import across, materialised, summed
 from ..lanes import Lanes
 from ..system import Layout
+from . import pass_tables
 from .climb import ascended, chosen, climbed, following, move_up, unit
 from .curves import (
     ModalCurves,
@@ -33,7 +34,6 @@ from .curves import (
     shown_rows,
     values_at,
 )
-from . import pass_tables
 from .pass_along import COARSE, LENGTH, Block, along
 from .pass_tables import Interval, along_tables, highest
 from .phases import Spot, constant, phases_of, spot_on
