@@ -17,7 +17,6 @@ from omnijax.simulation import (
     figures_obstacle,
     modal_figures,
     modal_obstacle,
-    modal_steady_obstacle,
     propagate,
     speeds,
 )
@@ -84,7 +83,7 @@ def test_figures_are_those_of_propagated_runs(number):
         np.testing.assert_allclose(values, list(expected.values()), rtol=1e-9, atol=1e-15)
 
 
-def _scaled(rig, row):
+def scaled(rig, row):
     """Contact's stiffness and damping scaled by the first two numbers, then as `operating_at`."""
     contact = rig.wheels.contact
     rig = eqx.tree_at(
@@ -101,7 +100,7 @@ def test_gradients_are_differences_of_figures(names):
     rng = drawn_anew("gradients of tables")
     rig = tabled(rng, 3)
     rows = np.column_stack([np.ones((1, 2)), rows_of(rng, rig.size, 1)])
-    make = eqx.Partial(_scaled, rig)
+    make = eqx.Partial(scaled, rig)
 
     def figures(rows):
         return run_metrics(make, rows, names, duration=DURATION, step=STEP).values
@@ -259,4 +258,3 @@ def test_figures_of_tables_are_read_from_runs():
     with pytest.raises(ValueError, match=reason):
         rows = rows_of(np.random.default_rng(0), 3, 1)
         modal_figures(eqx.Partial(operating_at, rig), rows, duration=DURATION, step=STEP)
-    assert "`table` is no sum of sinusoids" in str(modal_steady_obstacle(rig))

@@ -44,17 +44,16 @@ pytestmark = [pytest.mark.long, ANY_SPEEDS]
 
 METRICS = ("rms", "peak")
 
+OTHERS = (  # one of each channel, read from samples
+    "elastic_rms", "peak_to_peak_y", "sphere_acceleration_peak", "platform_acceleration_rms",
+    "lift_off_margin", "slip_margin",
+)  # fmt: skip
+
 
 def way(method: str, rig, names, times, substeps: int) -> Evaluation:
     """An evaluation by a method, as it is chosen."""
     gathered = gathers(method, rig, "coupled", names)
     return Evaluation(method, names, times=times, substeps=substeps, gathered=gathered)
-
-
-OTHERS = (  # one of each channel, read from samples
-    "elastic_rms", "peak_to_peak_y", "sphere_acceleration_peak", "platform_acceleration_rms",
-    "lift_off_margin", "slip_margin",
-)  # fmt: skip
 
 
 def around(*degrees):

@@ -35,6 +35,11 @@ def effort_for(designs: int) -> Effort:
     return Effort.QUICK if designs < MANY else Effort.MOST
 
 
+def for_tables(effort: Effort) -> Effort:
+    """What the programs of tables are worth: the slowest code takes ten times as long."""
+    return max(effort, Effort.QUICK)
+
+
 SIZES = (LANES, 16 * LANES)  # designs a call of the compiled programs
 WIDE = (128 * LANES, 512 * LANES)  # beside these where all go in step, as on a GPU
 BACK = 128  # designs whose matrices' derivatives are worked out together: more leave the cache

@@ -15,7 +15,7 @@ from ..._root import root
 from ._long_run import LongRunTable, longest_period, outputs_asked, rows_asked, steady_of
 from ._poles import Answer, Coincidence, answered
 from ._transient import peak_sums, samples_of, slopes_of, sums_along
-from .batch import ready
+from .batch import for_tables, ready
 from .gradient import half_root
 from .groups import of_groups
 from .lanes import Lanes
@@ -87,6 +87,7 @@ def modal_steady(
     def figures(design: LinearDesign, layout: Layout, effort: Effort):
         few = effort == Effort.LEAST
         layout = layout._replace(rows=rows_asked(table, layout), short=few)
+        effort = for_tables(effort) if layout.tables else effort
         return _long_run(design, layout, table, gradient, effort=effort)
 
     return _batches(

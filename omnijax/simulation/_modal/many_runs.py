@@ -22,7 +22,7 @@ from ._tables import (
     table_sums,
 )
 from ._transient import LENGTH
-from .batch import DesignBatch, ready
+from .batch import DesignBatch, for_tables, ready
 from .groups import grouped, lanes_of, of_groups
 from .lanes import LANES, Lanes
 from .obstacles import modal_obstacle
@@ -84,8 +84,7 @@ class ModalRuns:
 
     @property
     def _for_tables(self) -> Effort:
-        """What the programs of tables are worth: the slowest code takes ten times as long."""
-        return max(self.effort, Effort.QUICK)
+        return for_tables(self.effort)
 
     def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere, of the wanted designs."""

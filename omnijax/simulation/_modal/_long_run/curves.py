@@ -179,9 +179,8 @@ def _table_starts(m: PolePairs, cycle: PhaseCycle, phases: Phases, pairs: np.nda
     duration, rho = (x[..., np.array(numbers), :] for x in cycle.table)
     starts = starts_of(wide(m), TableWave(duration, rho))
     phase = np.array([numbers.index(of_phases.index(t)) for t in of_phases])
-    first, second = (
-        x[:, np.broadcast_to(pairs, (*pairs.shape[:2], len(phase))), phase] for x in starts
-    )
+    shown = np.broadcast_to(pairs, (*pairs.shape[:2], len(phase)))
+    first, second = (x[:, shown, phase] for x in starts)
     return first, second
 
 

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..._one_kernel import one_kernel
-from ..arithmetic import Pair, across, materialised, plus, product, sincos, stored, times
+from ..arithmetic import Pair, across, materialised, plus, product, sincos, stored, times, turned
 from ..table_signals import moved_on
 from .curves import ModalCurves, TableCurves, shown_by_tables, size_of
 from .table_wave import unit_moves
 
 STEP = 0.5  # of a pole's 1/|lambda|
-COARSE = 1.0  # where directions are looked for, not times
+ROUGH = 1.0  # where directions are looked for, not times
 BENDS = 0.1  # of the largest bend: what bends less makes no maximum of its own beside that one's
 NOTHING = 1e-7  # of an output's size: not asked for
 MOST = 4096  # intervals a piece
@@ -98,8 +98,8 @@ def along_tables(f: ModalCurves, gather: Callable, totals, share: float = STEP):
         values = shown_by_tables(f, z, rho, 2)
         for cycle, a, b in zip(f.cycle.endless, f.cosine, f.sine, strict=True):
             s, c = sincos(cycle.rate[0] * time)
-            a, b, rate = a[:, 0, 0], b[:, 0, 0], cycle.rate[0]
-            values = [values[0] + a * c + b * s, values[1] + rate * (b * c - a * s)]
+            level, slope = turned(a[:, 0, 0], b[:, 0, 0], c, s)
+            values = [values[0] + level, values[1] + cycle.rate[0] * slope]
         return values
 
     def seen(z: Pair, rho, time) -> list[Array]:

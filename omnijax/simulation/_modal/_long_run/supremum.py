@@ -23,7 +23,6 @@ from ..._steady import sphere
 from ..arithmetic import across, materialised, summed
 from ..lanes import Lanes
 from ..system import Layout
-from . import pass_tables
 from .climb import ascended, chosen, climbed, following, move_up, unit
 from .curves import (
     ModalCurves,
@@ -35,7 +34,7 @@ from .curves import (
     values_at,
 )
 from .pass_along import COARSE, LENGTH, Block, along
-from .pass_tables import Interval, along_tables, highest
+from .pass_tables import ROUGH, Interval, along_tables, highest
 from .phases import Spot, constant, phases_of, spot_on
 
 AROUND = 48  # directions of the search
@@ -153,7 +152,7 @@ def _tops(f: ModalCurves) -> _Tops:
         return functools.reduce(operator.and_, (x <= y for x, y in zip(over, known, strict=True)))
 
     if f.table is not None:
-        return along_tables(f, gather_ends, _none(f, 2 * n), pass_tables.COARSE)
+        return along_tables(f, gather_ends, _none(f, 2 * n), ROUGH)
     return along(f, gather, _none(f, 2 * n), idle, COARSE)
 
 

@@ -80,7 +80,7 @@ def _present(matrices):
 
 
 def decoupled(system: System, layout: Layout, coupling: np.ndarray) -> Layout:
-    """The layout with the blocks of a batch, and what each output shows of poles, sinusoids and tables."""
+    """The layout with a batch's blocks, and what outputs show of poles, sinusoids and tables."""
     m = system.A.shape[-1]
     blocks = [tuple(block) + (-1,) * (len(block) % 2) for block in blocks_of(coupling)]
     member = np.repeat([[i in block for i in range(m)] for block in blocks],
