@@ -13,12 +13,13 @@ from ..._arrays import on_device
 from ..._compiling import Effort, on_cpu
 from ..._programs import kept
 from ...dynamics import held
-from ...laws import Rollers
+from ...laws import Rollers, TableShape
 from ...rig import Placed, Rig
 from ._poles import blocks_of, coupled, decoupled, turned_states
 from .lanes import LANES
 from .signals import series_needed
 from .system import OUTPUTS, How, Layout, LinearDesign, Operating, design_of, designs_of
+from .table_signals import with_room
 
 FEW = 1024  # designs up to which the slowest code costs less than the second that compiling better
 # code takes (see `PLAIN`): 0.15 s more for values, 0.8 s with gradients, at every call
@@ -155,13 +156,16 @@ def _points(make, rows) -> Operating:
 
 
 def _plain(points: Operating) -> Operating:
-    """The points without names and laws that do not enter, so that rigs share their programs."""
+    """The points without names and laws that do not enter, with room for more knots of tables, so
+    that rigs share their programs.
+    """
     rig = points.rig
     effects = tuple(
         Placed(placed.law, "", placed.wheels) for placed in rig.effects if placed.law.port in _PORTS
     )
     names = tuple(str(i) for i in range(rig.size))
-    plain = Rig(rig.sphere, rig.platform, rig.wheels, rig.profiles, effects, names)
+    profiles = tuple(with_room(p) if isinstance(p, TableShape) else p for p in rig.profiles)
+    plain = Rig(rig.sphere, rig.platform, rig.wheels, profiles, effects, names)
     return points._replace(rig=plain)
 
 

@@ -1,7 +1,7 @@
 """Runs of many designs for whatever is read from their samples."""
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -51,6 +51,7 @@ class ModalRuns:
         self.step, self.samples, self.size = step, samples, batch.count
         self.effort = batch.effort  # what programs of all designs are worth to the compiler
         self._given = layout, step, jnp.asarray(samples, float)
+        self._known: tuple[LinearDesign, Any] | None = None
 
     def __iter__(self) -> Iterator[RunGroup]:
         """The groups that hold wanted designs."""
@@ -63,9 +64,10 @@ class ModalRuns:
             wanted = min(b.count - first, LANES)
 
             def ask(design: LinearDesign, _):
-                outputs, at = _outputs(design, *self._given, length, effort=b.effort)
+                plain = _without_tables(design)
+                outputs, at = _outputs(plain, *self._given, length, effort=b.effort)
                 if b.layout.tables:
-                    lanes, _ = _table_lanes(design, *self._given, effort=b.effort)
+                    lanes, _ = self._lanes_of(design)
                     outputs = _with_tables(outputs, lanes, *self._given, effort=self._for_tables)
                 return Answer(outputs), at
 
@@ -111,7 +113,8 @@ class ModalRuns:
         given = np.asarray(weights)[:, rows]
 
         def ask(design: LinearDesign, numbers):
-            bars, at = _run_slopes(design, few, *samples, given[numbers], effort=self.effort)
+            plain = _without_tables(design)
+            bars, at = _run_slopes(plain, few, *samples, given[numbers], effort=self.effort)
             return Answer(bars), at
 
         bars = answered(ask, group.design._replace(system=part), few, group.wanted, 1).smooth
@@ -126,7 +129,15 @@ class ModalRuns:
         bars = bars._replace(system=system._replace(C=C, direct=direct, rate=rate))
         if not layout.tables:
             return bars
-        return jax.tree.map(np.add, bars, self._table_bars(group, np.asarray(weights)))
+        also = self._table_bars(group, np.asarray(weights))
+        every = jax.tree.map(np.add, bars, _without_tables(also))
+        return every._replace(signals=every.signals._replace(tables=also.signals.tables))
+
+    def _lanes_of(self, design: LinearDesign):
+        """What tables need to know of designs, and what coincides: once for all metrics."""
+        if self._known is None or self._known[0] is not design:
+            self._known = design, _table_lanes(design, *self._given, effort=self.effort)
+        return self._known[1]
 
     def _table_bars(self, group: RunGroup, weights: Float[np.ndarray, "c o length"]):
         """What tables add to `bars`; one program serves all figures."""
@@ -134,7 +145,7 @@ class ModalRuns:
         alone, told = layout._replace(kinds=()), {"effort": self.effort}
 
         def ask(design: LinearDesign, numbers):
-            lanes, at = _table_lanes(design, alone, *samples, **told)
+            lanes, at = self._lanes_of(design)
             sums = _table_sums(lanes, alone, *samples, weights[numbers], effort=self._for_tables)
             return Answer(_table_slopes(design, alone, *samples, sums, **told)), at
 
@@ -167,6 +178,11 @@ def modal_runs(
     samples, every = round(duration / step) + 1, jnp.asarray(step, float)
     for batch in ready(make, rows, model, modal_obstacle, total, RUN_OUTPUTS):
         yield ModalRuns(batch, every, samples)
+
+
+def _without_tables(design: LinearDesign) -> LinearDesign:
+    """The design, or derivatives by one, without its tables, on whose sizes programs depend."""
+    return design._replace(signals=design.signals._replace(tables=None))
 
 
 @jax.jit

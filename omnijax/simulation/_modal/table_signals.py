@@ -8,12 +8,13 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...laws import Pieces, padded, piece_at, shape_pieces
+from ...laws import Pieces, TableShape, padded, piece_at, shape_pieces
 from ...rig import Rig
 from .._exact import directed
 from .._padding import room
@@ -28,11 +29,29 @@ class TableSignals(NamedTuple):
     rho: Float[Array, "w 4 k *c"]  # m, m/s, ...: rho and its derivatives by time as they begin
 
 
+def with_room(shape: TableShape) -> TableShape:
+    """The shape with pieces of no width at its end: rigs whose tables are of like length share
+    their programs.
+
+    Arrays may have a leading axis.
+    """
+    pieces = shape.knots.shape[-1] - 1
+    more = room(pieces, 4) - pieces
+    edge = [(0, 0)] * (shape.knots.ndim - 1)
+    return eqx.tree_at(
+        lambda x: (x.knots, x.coefficients),
+        shape,
+        (
+            jnp.pad(shape.knots, [*edge, (0, more)], mode="edge"),
+            jnp.pad(shape.coefficients, [*edge, (0, more), (0, 0)]),
+        ),
+    )
+
+
 def table_signals(rig: Rig, wheels: Sequence[int], speeds, angles) -> TableSignals:
     """The profiles of some wheels at constant `speeds` (rad/s) from `angles` (rad)."""
     own = [_pieces(rig, i) for i in wheels]
-    # rigs whose tables are of like length share their programs
-    count = room(max(len(pieces.width) for pieces in own), 4)
+    count = max(len(pieces.width) for pieces in own)
     each = [
         _passed(padded(pieces, count, DEGREE, 0), speeds[i], angles[i])
         for i, pieces in zip(wheels, own, strict=True)
