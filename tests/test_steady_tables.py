@@ -114,11 +114,11 @@ def test_slopes_of_means_are_differences(where):
     def work(h):
         return jnp.stack(table_means(m, moved(h)).work)
 
-    h = 1e-5
+    h = 1e-6
     near, far = ((work(x) - work(-x)) / (2 * x) for x in (h, 2 * h))
     value, slope = jax.jvp(work, (0.0,), (1.0,))
-    scale = np.abs(value) + np.abs(slope)
-    np.testing.assert_allclose(slope / scale, (4 * near - far) / 3 / scale, atol=1e-7)
+    scale = np.linalg.norm(value) + np.linalg.norm(slope)
+    np.testing.assert_allclose(slope / scale, (4 * near - far) / 3 / scale, atol=1e-6)
 
 
 @pytest.mark.parametrize("where", POLES)
@@ -152,7 +152,7 @@ def test_outputs_come_back_after_a_period_and_their_top_is_found(where):
         return jnp.maximum(top, highest(interval, lambda x: x)[0])
 
     top = jax.jit(lambda: along_tables(f, gather, jnp.full((1, 1, 1), -jnp.inf)))()
-    np.testing.assert_allclose(top.ravel(), x.max(), atol=1e-4 * size)
+    np.testing.assert_allclose(top.ravel(), x.max(), atol=3e-4 * size)
 
 
 def _drawn(kind: str, rng):

@@ -18,9 +18,9 @@ from ..table_signals import moved_on
 from .curves import ModalCurves, TableCurves, shown_by_tables, size_of
 from .table_wave import unit_moves
 
-STEP = 0.5  # of a pole's 1/|lambda|
+STEP = 0.3  # of a pole's 1/|lambda|: a cubic is within 2e-5 of what that moves
 ROUGH = 1.0  # where directions are looked for, not times
-BENDS = 0.1  # of the largest bend: what bends less makes no maximum of its own beside that one's
+BENDS = 2e-3  # of the largest bend: what bends less hardly moves a maximum
 NOTHING = 1e-7  # of an output's size: not asked for
 MOST = 4096  # intervals a piece
 LOW = -1e300  # stands for "no maximum"
