@@ -54,7 +54,8 @@ class Wheel:
             c + since * d,
             d + 0 * since,
         ]
-        return -sum(x / self.pole[:, None] ** (j + 1) for j, x in enumerate(each))
+        terms = [x / self.pole[:, None] ** (j + 1) for j, x in enumerate(each)]
+        return -np.sum(terms, axis=0)
 
     def states(self, first: np.ndarray, count: int) -> np.ndarray:
         """z (k, count + 1) as pieces begin, from the first one on."""
@@ -92,7 +93,8 @@ def _wheels(count: int, row):
 def response(count: int, row, time) -> np.ndarray:
     """dR (3, t) from rest."""
     none = np.zeros(2 * (3 + count), complex)
-    return sum((show @ wheel.response(none, time)).real for wheel, show in _wheels(count, row))
+    each = [(show @ wheel.response(none, time)).real for wheel, show in _wheels(count, row)]
+    return np.sum(each, axis=0)
 
 
 def figures(count: int, rows) -> np.ndarray:
@@ -115,13 +117,13 @@ def long_run(each: list[np.ndarray], starts: int = 200) -> np.ndarray:
     The longest sum is the one furthest along its own direction: from directions all around to the
     sum that is furthest there, and on along that.
     """
-    mean = sum(x.mean(1) for x in each)
+    mean = np.sum([x.mean(1) for x in each], axis=0)
     square = mean @ mean + sum(x.var(1).sum() for x in each)
     top = 0.0
     for direction in _general.directions(starts):
         d, before = direction, -1.0
         while True:
-            total = sum(x[:, np.argmax(d @ x)] for x in each)
+            total = np.sum([x[:, np.argmax(d @ x)] for x in each], axis=0)
             size = float(np.linalg.norm(total))
             if size <= before * (1 + 1e-14):
                 break
