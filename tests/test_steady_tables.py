@@ -26,7 +26,7 @@ from omnijax.simulation._modal._long_run.table_wave import (
 from omnijax.simulation._modal._poles import PolePairs
 from omnijax.vibration import SteadyRun, long_run_metrics, steady_metric
 
-pytestmark = [ANY_SPEEDS]
+pytestmark = [pytest.mark.long, ANY_SPEEDS]
 
 FIGURES = ("rms", "peak", "slip_margin", "sphere_acceleration_rms")
 POLES = {  # times the period
@@ -37,6 +37,9 @@ POLES = {  # times the period
     "two real": (0.0, -0.3, -50.0),
     "near a harmonic": (1.0, -1e-3, 4 * np.pi),
 }
+
+
+GATE = ("fast", "slow")  # the others stay out of `make test`
 
 
 def _wave(rng) -> TableWave:
@@ -69,7 +72,7 @@ def _nodes(wave: TableWave, parts: int):
     return (first + half * (1 + node)).ravel(), (half * weight).ravel()
 
 
-@pytest.mark.parametrize("where", POLES)
+@pytest.mark.parametrize("where", tiered(POLES, lambda where: where not in GATE))
 def test_means_are_those_of_sums_of_harmonics(where):
     """Of the work, by the Fourier series; of level, squares and a line by quadrature."""
     wave = _wave(drawn_anew(f"means of tables, {where}"))
@@ -100,7 +103,7 @@ def test_means_are_those_of_sums_of_harmonics(where):
     np.testing.assert_allclose(np.ravel(line), expected, atol=1e-12 * size)
 
 
-@pytest.mark.parametrize("where", POLES)
+@pytest.mark.parametrize("where", tiered(POLES, lambda where: where not in GATE))
 def test_slopes_of_means_are_differences(where):
     """By poles, and by durations and cubics, those of poles that stay."""
     rng = drawn_anew(f"slopes of means of tables, {where}")
@@ -121,7 +124,7 @@ def test_slopes_of_means_are_differences(where):
     np.testing.assert_allclose(slope / scale, (4 * near - far) / 3 / scale, atol=1e-6)
 
 
-@pytest.mark.parametrize("where", POLES)
+@pytest.mark.parametrize("where", tiered(POLES, lambda where: where not in GATE))
 def test_outputs_come_back_after_a_period_and_their_top_is_found(where):
     """Of one pole: the pass over all pieces against samples that are close."""
     wave = _wave(drawn_anew(f"tops of tables, {where}"))
@@ -163,7 +166,6 @@ def _drawn(kind: str, rng):
     return eqx.tree_at(lambda r: r.profiles, rig, (*measured, *rig.profiles[len(measured) :]))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", tiered(["orthogonal", "tripod", "four"], "tripod".__eq__))
 def test_figures_are_those_of_each_design(kind):
     """Backwards and at rest too; several tables, or one beside gaps, runout and relaxation."""
