@@ -325,6 +325,32 @@ def test_what_a_law_leaves_of_its_own_input_is_seen(around, none, place, port, s
         assert 0.2 * size < length < 1.2 * size
 
 
+def test_a_soft_limit_is_no_hard_one(around, none):
+    """What lies between both is nearly all seen, though the hard one loses what is beyond it."""
+    model, _, ports = around
+    fit, port = none.details["found"].fit, ports["sensor"]
+    bases = {split: model.bases(fit.point, split) for split in ("train", "held-out")}
+    at, between = port.parts.index("dR_z"), {}
+    top = np.abs(bases["train"][0].true["dR"][:, 2]).max()
+    for split, some in bases.items():
+        tables = []
+        for base in some:
+            x = base.true["dR"][:, 2] / (top / 5)
+            bent = (np.tanh(x) - np.clip(x, -0.95, 0.95))[:, None]
+            table = np.empty((1, model.machine.rows[base.index].size))
+            term_fit.pushed(model, port, base, [bent * (np.arange(len(port.parts)) == at)], table)
+            tables.append(table[0])
+        between[split] = np.concatenate(tables)
+    labels, columns = _own_functions(model, port, "dR_z", bases)
+    weight = 40 / np.linalg.norm(between["train"])
+    (held,) = model.residuals([fit.point], "held-out")
+    tangents = tangent_rows(model, fit.point, fit.free, held, split="held-out")
+    soft = dataclasses.replace(fit, residual=fit.residual + weight * between["train"])
+    length, most = _left(model, soft, columns, held + weight * between["held-out"], tangents)
+    assert 30 < length < 45
+    assert "up to" in labels[most]
+
+
 @pytest.mark.full
 def test_two_per_cent_of_outliers_and_a_dropout_change_no_answer(cases, tmp_path):
     """Every channel has outliers of 10 to 50 sigma; one reads zero for a while."""

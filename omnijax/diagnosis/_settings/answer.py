@@ -19,6 +19,9 @@ class VerdictSettings:
     closing: float = 0.99
     # share by which held-out runs may show a named effect at another size: own cases
     size_tolerance: float = 0.05
+    # of what a sensor's law explains, that may be another function of what it reads: own cases (a
+    # soft limit beside a hard one left 4.8 %, a right one of 250 sigma nothing)
+    reading_tolerance: float = 0.02
 
 
 @dataclasses.dataclass(frozen=True)

@@ -23,11 +23,13 @@ from .term_fit import FOLLOWED_TO, RIDGE, pushed, worthwhile
 from .term_port import AbstractPort
 
 CHANCE = SETTINGS.steadiness.chance
+READING_TOLERANCE = SETTINGS.verdict.reading_tolerance
 
 
 def misshapen(model: RigModel, fit: Fit, alike: float) -> list[Misshapen]:
     """The effects of a fit beside which more than the share `alike` is left, the most first.
 
+    Less of a sensor's law is left: what it reads is known as well as the machine's motion.
     Asked of smooth functions of the input of each, beside all numbers: of the fitted runs, whose
     gain is no chance, and confirmed by the held-out ones.
     """
@@ -49,7 +51,8 @@ def misshapen(model: RigModel, fit: Fit, alike: float) -> list[Misshapen]:
         labels, columns = _own_functions(model, port, effect.place, bases)
         if labels and 0 < size < np.inf:
             left, label = _left(model, fit, columns, held, there)
-            if left > alike * size:
+            least = min(alike, READING_TOLERANCE) if port.port == "sensor" else alike
+            if left > least * size:
                 out.append(Misshapen(effect.name, labels[label], left / size))
     return sorted(out, key=lambda x: -x.share)
 
@@ -71,6 +74,9 @@ def _own_functions(
         for base, raw in zip(some, inputs[split], strict=True):
             u = np.clip(raw / scales, -FOLLOWED_TO, FOLLOWED_TO)
             own = [x for x in port.columns(u) if x[0] in parts and x[1] in port.own_functions(x[0])]
+            own += [
+                (i, label, values) for i in parts for label, values in port.own_bends(i, u).items()
+            ]
             outputs = [values[:, None] * (np.arange(len(port.parts)) == i) for i, _, values in own]
             table = np.empty((len(own), model.machine.rows[base.index].size))
             pushed(model, port, base, outputs, table)

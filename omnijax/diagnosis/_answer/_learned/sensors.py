@@ -11,7 +11,7 @@ from ..._machine import encoder_shifted
 from ..._settings import SETTINGS
 from ..channels import channel_index
 from ..gap import UNITS
-from .term_port import AXES, BENDS, POINTS, AbstractPort, TermGrid, powers, waves
+from .term_port import AXES, BENDS, POINTS, AbstractPort, TermGrid, cuts, powers, waves
 
 ANGLE_HARMONICS = SETTINGS.answer_learned.angle_harmonics
 MOVING = ("dR", "a", "Omega")  # groups of three axes
@@ -20,9 +20,10 @@ ANGLES = 2 * len(MOVING) * len(AXES)  # inputs before those of the wheels' angle
 
 @dataclasses.dataclass(frozen=True)
 class SensorPort(AbstractPort):
-    """Sensors: all readings with their rates, and time in; what a channel shows beside them out.
+    """Sensors: all they are given with its rate, and time in; what a channel shows beside it out.
 
-    An encoder's own input is its wheel's angle.  `channels` are those that were measured, of
+    It is given what the machine does: of a reading at its limit nothing tells how far beyond that
+    is.  An encoder's own input is its wheel's angle.  `channels` are those that were measured, of
     `size` wheels.
     """
 
@@ -54,9 +55,9 @@ class SensorPort(AbstractPort):
         return [*shown, *(f"{u}/s" for u in shown), *2 * self.size * ["1"], "s"]
 
     def inputs(self, base, felt=None):
-        shown = np.concatenate([base.shown[g] for g in MOVING], axis=1)
-        rates, theta = np.gradient(shown, base.run.step, axis=0), base.true["theta"]
-        return np.column_stack([shown, rates, np.sin(theta), np.cos(theta), base.run.time])
+        given = np.concatenate([base.true[g] for g in MOVING], axis=1)
+        rates, theta = np.gradient(given, base.run.step, axis=0), base.true["theta"]
+        return np.column_stack([given, rates, np.sin(theta), np.cos(theta), base.run.time])
 
     def scales(self, raw):
         scales = super().scales(raw)
@@ -81,6 +82,9 @@ class SensorPort(AbstractPort):
     def own_functions(self, part):
         channel = self.channels[part]
         return () if channel.startswith("theta") else (channel, "|x|", *BENDS)
+
+    def own_bends(self, part, u):
+        return {} if self.channels[part].startswith("theta") else cuts(u[:, self.own(part)])
 
     def push(self, base, force):
         change = {g: np.zeros((base.run.samples, 3)) for g in MOVING}

@@ -91,6 +91,10 @@ class AbstractPort(abc.ABC):
         """Labels of the columns that are functions of a part's own input alone, but for waves."""
         return ()
 
+    def own_bends(self, part: int, u: np.ndarray) -> dict[str, np.ndarray]:
+        """Further functions of a part's own input that a law is asked for, of scaled inputs `u`."""
+        return {}
+
     def hosts(self, port: str) -> bool:
         """Whether laws at one of the library's ports act here."""
         return port in self.laws
