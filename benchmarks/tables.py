@@ -63,7 +63,7 @@ def _transient(count: int, rows) -> list[Tool]:
     expected = _tables.figures(count, _some(rows))
 
     def error(found) -> float:
-        return problem.error(_rms_beside_start(_some(found)), expected[:, :1])
+        return problem.error(_some(found)[:, :1], expected[:, :1])
 
     def runs():
         return _runs(count, rows).values
@@ -75,19 +75,13 @@ def _transient(count: int, rows) -> list[Tool]:
     ]
 
 
-def _rms_beside_start(values) -> np.ndarray:
-    """RMS without the start, which the reference does not count and where nothing moves."""
-    return np.sqrt((problem.SAMPLES + 1) / problem.SAMPLES) * np.asarray(values)[:, :1]
-
-
 def _gradient(count: int, rows) -> list[Tool]:
     expected = problem.reference_gradient(
         _some(rows), lambda row: _tables.response(count, row, _general.TIMES)
     )
 
     def error(slopes) -> float:
-        share = np.sqrt((problem.SAMPLES + 1) / problem.SAMPLES)
-        return problem.gradient_error(share * _some(slopes)[:, :1], expected[:, :1])
+        return problem.gradient_error(_some(slopes)[:, :1], expected[:, :1])
 
     def slopes():
         return _runs(count, rows, gradient=True).slopes
