@@ -168,12 +168,18 @@ def _drawn(kind: str, rng):
 
 @pytest.mark.parametrize("kind", tiered(["orthogonal", "tripod", "four"], "tripod".__eq__))
 def test_figures_are_those_of_each_design(kind):
-    """Backwards and at rest too; several tables, or one beside gaps, runout and relaxation."""
+    """Backwards and at rest too; several tables, or one beside gaps, runout and relaxation.
+
+    A design without numbers has none, and takes none from the others.
+    """
     rng = drawn_anew(f"long runs of tables, {kind}")
     rig = _drawn(kind, rng)
     assert modal_steady_obstacle(rig) is None
     rows = rows_of(rng, rig.size, 3, still=True)
-    values = long_run_metrics(eqx.Partial(operating_at, rig), rows, FIGURES).values
+    lost = np.where(np.arange(rows.shape[1]) == 0, np.nan, rows[:1])
+    every = np.concatenate([rows, lost])
+    *values, none = long_run_metrics(eqx.Partial(operating_at, rig), every, FIGURES).values
+    assert np.isnan(none).all()
 
     @jax.jit
     def one(row):

@@ -6,13 +6,14 @@ asking it once.
 
 import functools
 import itertools
+import operator
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...._root import root
 from .._poles import grows
@@ -149,6 +150,7 @@ def steady_of(
     values = jax.vmap(read, in_axes=-1, out_axes=-1)(every)
     values = jnp.where(grows(g.modes), jnp.nan, values)  # there is no long run
     values = jnp.concatenate([values, jnp.stack(margins)])
+    values = jnp.where(_numbers((g.modes, g.direct, g.slope, g.signals)), values, jnp.nan)
     if not gradient:
         return values, None
     by = jax.vmap(jax.jacrev(read), in_axes=-1, out_axes=-1)(every)  # (m, f, c)
@@ -159,6 +161,12 @@ def steady_of(
         slopes.append(_placed(piece.slopes(by[np.array(own), part]), own, len(by_metric)))
         first = part.stop
     return values, jax.tree.map(_added, *slopes, is_leaf=lambda x: x is None)
+
+
+def _numbers(parts) -> Bool[Array, " c"]:
+    """Of which designs all arrays, batch last, hold finite numbers."""
+    each = (jnp.isfinite(x).reshape(-1, x.shape[-1]).all(axis=0) for x in jax.tree.leaves(parts))
+    return functools.reduce(operator.and_, each)
 
 
 def _placed(slopes: Slopes, numbers: list[int], count: int) -> Slopes:

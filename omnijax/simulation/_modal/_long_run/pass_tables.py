@@ -83,7 +83,8 @@ def _intervals(f: ModalCurves, t: TableCurves, size, share: float, piece) -> Flo
         fastest = jnp.maximum(fastest, across(jnp.maximum, across(jnp.maximum, each)))
     for wave in f.cycle.endless:
         fastest = jnp.maximum(fastest, wave.rate[0] ** 2)
-    return jnp.clip(jnp.ceil(v * jnp.sqrt(fastest) / share), 1, MOST)
+    count = jnp.clip(jnp.ceil(v * jnp.sqrt(fastest) / share), 1, MOST)
+    return jnp.where(jnp.isnan(count), 1.0, count)  # others pass beside such a design
 
 
 def along_tables(f: ModalCurves, gather: Callable, totals, share: float = STEP):
@@ -142,7 +143,7 @@ def along_tables(f: ModalCurves, gather: Callable, totals, share: float = STEP):
     def forward(totals):
         after = tuple(jnp.roll(x, -1, axis=0) for x in t.start)
         pieces = t.start, after, wave.duration, wave.rho
-        repeats = jnp.max(jnp.round(f.cycle.period / wave.period))
+        repeats = jnp.nanmax(jnp.round(f.cycle.period / wave.period), initial=1.0)
 
         def period(state):
             number, totals = state

@@ -201,7 +201,7 @@ def longest_period(signals: Signals, layout: Layout) -> Array:
     """s, of all phases of a batch; signals batch first."""
     last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), signals)
     cycles = [cycle_of(last, layout, phases) for phases in phases_of(layout)]
-    return jnp.max(jnp.concatenate([cycle.period.ravel() for cycle in cycles]))
+    return jnp.nanmax(jnp.concatenate([cycle.period.ravel() for cycle in cycles]))
 
 
 def wide(m: PolePairs) -> PolePairs:
