@@ -8,7 +8,7 @@ from machines import machine
 from seeds import drawn_anew
 from test_modal import cone, hidden, maker, mixed, points_of
 
-from omnijax.simulation._modal._long_run.moments import moments_of, slope_square
+from omnijax.simulation._modal._long_run.moments import moments_of, rates_of
 from omnijax.simulation._modal._long_run.phases import cycle_of, phases_of, response, spot_on, wide
 from omnijax.simulation._modal._poles.poles import PolePairs
 from omnijax.simulation._modal.system import How, designs_of
@@ -45,11 +45,12 @@ def test_phases_side_by_side_are_those_kind_by_kind(kind):
         known = {}
         for phases in phases_of(layout):
             cycle = cycle_of(signals, layout, phases)
-            columns = np.array([layout.kinds[i].column for i in phases.first])
+            columns = np.array([layout.kinds[i].column for i in phases.first(layout)])
             time = share[columns] * cycle.period
             now = response(m, cycle, spot_on(cycle, time, time))
-            given = moments_of(m, cycle), slope_square(cycle), now, cycle.period
-            for s, number in enumerate(phases.first):
+            rates = moments_of(m, rates_of(cycle, columns[:, None] < rig.size))
+            given = moments_of(m, cycle), rates, now, cycle.period
+            for s, number in enumerate(phases.first(layout)):
                 known[number] = jax.tree.map(lambda x, s=s: x[..., s, :], given)
         return known
 

@@ -213,3 +213,34 @@ def test_figures_agree_with_the_closed_form_in_c():
 
     found = long_run_metrics(make, rows, BOTH, model="paper").values
     assert problem.error(found, _c.steady(library, rows, 8192)) < 1e-8
+
+
+def test_accelerations_of_slow_wheels_and_stiff_dampers_keep_their_digits():
+    """Smooth wheels accelerate the sphere as the square of their speed where all poles are fast.
+
+    The squares of what cancels had left of a slow wheel's acceleration 0 in bulk, and fifty times
+    as much one by one.
+    """
+    rng = drawn_anew("slow wheels")
+    rig = drawn_machine(rng, 3)
+    rig = eqx.tree_at(lambda r: r.profiles, rig, (laws.ContinuousSine(),) * 3)
+    turning, still = rng.uniform(0.5, 2.0, 3) * [1, -1, 1], jnp.zeros(3)
+    damping = rig.wheels.contact.damping
+
+    def make(row):
+        own = eqx.tree_at(lambda r: r.wheels.contact.damping, rig, row[1] * damping)
+        return Operating(own, row[0] * jnp.asarray(turning), still, still)
+
+    rows = np.array([[1e-3, 1.0], [2e-3, 1.0], [0.01, 1.0], [1.0, 3e3]])
+    name = "sphere_acceleration_rms"
+    values = long_run_metrics(make, rows, [name]).values[:, 0]
+
+    @jax.jit
+    def one(row):
+        at = make(row)
+        return steady_metric(SteadyRun(at.rig, at.speeds, at.angles, "coupled"), name)
+
+    alone = np.array([float(one(jnp.asarray(row))) for row in rows])
+    for slow in (values[:3], alone[:3]):
+        np.testing.assert_allclose(slow / slow[0], [1.0, 4.0, 100.0], rtol=1e-3)
+    np.testing.assert_allclose(values[2:], alone[2:], rtol=1e-5)

@@ -21,7 +21,6 @@ from omnijax.simulation._modal._long_run.table_wave import (
     table_level,
     table_line,
     table_means,
-    table_slope_square,
 )
 from omnijax.simulation._modal._poles import PolePairs
 from omnijax.vibration import SteadyRun, long_run_metrics, steady_metric
@@ -97,7 +96,8 @@ def test_means_are_those_of_sums_of_harmonics(where):
     np.testing.assert_allclose(means.level, level, atol=1e-14 * size)
     np.testing.assert_allclose(table_level(wave), level, atol=1e-14 * size)
     np.testing.assert_allclose(means.square, weight @ rho**2, rtol=1e-12)
-    np.testing.assert_allclose(table_slope_square(wave), weight @ slope**2, rtol=1e-12)
+    turned = table_means(_pairs(where, period), wave.rates())
+    np.testing.assert_allclose(turned.square, weight @ slope**2, rtol=1e-12)
     line = table_line(wave, jnp.full((1, 1), harmonics[1]))
     expected = lines[1].real, -lines[1].imag
     np.testing.assert_allclose(np.ravel(line), expected, atol=1e-12 * size)

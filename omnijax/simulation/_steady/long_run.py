@@ -25,6 +25,7 @@ from .._exact import (
     ForcedSystem,
     Forcing,
     Passages,
+    Piece,
     balanced,
     basis_generator,
     basis_row,
@@ -43,6 +44,7 @@ from .peak_search import Curves, PeakPlaces, largest, places, supremum
 from .smooth_peak import PhasePlaces, smooth_peak
 
 BITS = 7  # of the even places a piece where extremes are looked for
+ACCELERATIONS = ("a_sphere",)
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 
 
@@ -137,15 +139,42 @@ class LongRun:
         if self._moments is None:
             each = jax.vmap(jax.vmap(second_moments))
             self._moments = [each(part.cycles.pieces, part.starts) for part in self.parts]
+        return self._summed(self._rows(name), self._moments)
+
+    def _acceleration_square(self, name: str) -> Float[Array, " o"]:
+        """Mean square of each component of an acceleration, over all phases.
+
+        By the states beside those of rest under rho, s + A^-1 column rho, which drho/dt alone
+        moves: the parts of an acceleration in s and in rho cancel where rho is slow beside the
+        poles, and their squares do so to no digit.
+        """
+        rows, moments = [], []
+        for part, own in zip(self.parts, self._rows(name), strict=True):
+            rest = jnp.linalg.solve(part.system.A, part.system.column.T).T  # (g, m)
+            row = jax.vmap(jax.vmap(basis_row))(part.signals.cycle.pieces)  # (g, k, w)
+            beside = rest[:, None, :, None] * row[:, :, None]
+            moved = jax.vmap(jax.vmap(_beside_rest))(part.cycles.pieces, part.starts, beside)
+            moments.append(jax.vmap(jax.vmap(second_moments))(*moved))
+            less = own[..., : self.states] @ beside
+            rows.append(own.at[..., self.states :].add(-less))
+        return self._summed(rows, moments)[1]
+
+    def _summed(
+        self, each: list[Array], moments: list[Array]
+    ) -> tuple[Float[Array, " o"], Float[Array, " o"]]:
+        """Mean and mean square over all phases of outputs with these rows over z."""
         mean = square = jnp.zeros(())
-        for part, rows, moments in zip(self.parts, self._rows(name), self._moments, strict=True):
-            own = jnp.einsum("gk,gkoN,gkN->go", part.weight, rows, moments[..., self.states])
-            whole = jnp.einsum("gk,gkoN,gkNM,gkoM->go", part.weight, rows, moments, rows)
+        for part, rows, square_of in zip(self.parts, each, moments, strict=True):
+            mean_of = square_of[..., self.states]  # times the constant term
+            own = jnp.einsum("gk,gkoN,gkN->go", part.weight, rows, mean_of)
+            whole = jnp.einsum("gk,gkoN,gkNM,gkoM->go", part.weight, rows, square_of, rows)
             mean, square = mean + jnp.sum(own, axis=0), square + jnp.sum(whole - own**2, axis=0)
         return mean, square + mean**2
 
     def mean_square(self, name: str) -> Float[Array, " o"]:
         """Mean square of each component, over all phases."""
+        if name in ACCELERATIONS:
+            return self._acceleration_square(name)
         return self.statistics(name)[1]
 
     def places(self) -> tuple[PeakPlaces, ...]:
@@ -188,6 +217,20 @@ class LongRun:
 
         parts = [phases(part, own.rows) for part, own in zip(self.parts, curves, strict=True)]
         return smooth_peak(parts, supremum(curves, self.places(), self.bits), sharpness)
+
+
+def _beside_rest(
+    piece: Piece, z: Float[Array, " N"], beside: Float[Array, "m w"]
+) -> tuple[Piece, Float[Array, " N"]]:
+    """A piece and its start of (s + beside w, w) in the place of (s, w)."""
+    m = len(beside)
+
+    def turned(E: Float[Array, "N N"]):
+        return E.at[:m, m:].add(beside @ E[m:, m:] - E[:m, :m] @ beside)
+
+    generator = piece.generator.at[:m, m:].set(beside @ piece.generator[m:, m:])
+    levels = jax.vmap(turned)(piece.levels)
+    return piece._replace(generator=generator, levels=levels), z.at[:m].add(beside @ z[m:])
 
 
 def output_rows(part: Part, name: str) -> Float[Array, "g k o N"]:

@@ -191,8 +191,10 @@ def _pieces(
         for figure in ("mean_square", "filtered", "extremes", "supremum", *FORCES)
     }
     pieces = []
-    if of["mean_square"]:
-        pieces.append(_mean_piece(g, layout, of["mean_square"], gradient))
+    for rates in (False, True):
+        some = [one for one in of["mean_square"] if (one.output not in SMOOTH) == rates]
+        if some:
+            pieces.append(_mean_piece(g, layout, some, rates, gradient))
     if of["filtered"]:
         assert table.filters is not None
         pieces.append(_filtered_piece(g, layout, of["filtered"], table.filters, gradient))
@@ -213,9 +215,12 @@ def _rows(layout: Layout, asked: list[AskedFigure]) -> np.ndarray:
     return np.concatenate([layout.place(one.output) for one in asked])
 
 
-def _mean_piece(g: Lanes, layout: Layout, asked: list[AskedFigure], gradient: bool) -> _Piece:
+def _mean_piece(
+    g: Lanes, layout: Layout, asked: list[AskedFigure], rates: bool, gradient: bool
+) -> _Piece:
+    """Of outputs that show nothing of drho/dt, or, by `rates`, of accelerations."""
     rows = _rows(layout, asked)
-    means = means_of(g, layout, any(one.output not in SMOOTH for one in asked), gradient)
+    means = means_of(g, layout, rates, gradient)
     mean = mean_squares(g, layout, rows, means)
     return _Piece(asked, mean.value, lambda by: mean_slopes(g, layout, rows, means, mean, by))
 

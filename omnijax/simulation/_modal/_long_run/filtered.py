@@ -19,7 +19,6 @@ from ..system import Layout
 from .mean import (
     LongRunMeans,
     MeanSquares,
-    PhaseMeans,
     Psi,
     against,
     both_of,
@@ -100,12 +99,12 @@ def filtered_slopes(
     through = jnp.sum(h_ * between, axis=1)[:, :, None]
     bent = -jnp.sum(h_ * between**2, axis=1)[:, :, None]
 
-    def bar(part: FilteredPhase) -> PhaseMeans:
+    def bar(part: FilteredPhase) -> Moments:
         by = jnp.sum(weight[:, :, None, None] * part.kernel, axis=1)  # (m, q, s, c)
         each = by_pairs(m, by[:, :count]), by_pairs(filter_pairs, by[:, count:])
         first, second = (jnp.concatenate(x, axis=1) for x in zip(*each, strict=True))
         none = jnp.zeros_like(first[:, 0])
-        return PhaseMeans(Moments((first, second), none, none), None)
+        return Moments((first, second), none, none)
 
     slopes, signals = means.pulled([bar(part) for part in behind.phases])
     psi = Psi.none(g, layout, len(rows))

@@ -4,10 +4,14 @@ The response phi of a pole to one unit of a phase's column obeys dphi/dt = lambd
 phi_i phi_j comes back to where it began, so
 
     mean(phi_i phi_j) = -(R_i + R_j)/(lambda_i + lambda_j),    R_i = mean(rho phi_i)
-    mean(phi_i drho/dt) = -lambda_i R_i - mean(rho^2)
 
-All that is asked of a signal is R at every pole, the mean of rho and those of its square and of its
-slope's.  Phases run independently: variances add up, means add up first.
+All that is asked of a signal is R at every pole and the means of rho and of its square.  Phases run
+independently: variances add up, means add up first.
+
+Wheels at rest accelerate nothing: of an acceleration sum w phi + D rho + E drho/dt under the rho of
+a wheel, D is sum w/lambda.  It is sum (w/lambda) psi + E drho/dt, psi the response to drho/dt,
+whose squares do not cancel where rho is slow beside the poles, as those of the three parts do.  A
+floor takes the machine with it.
 """
 
 from typing import NamedTuple
@@ -15,7 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .._poles import PolePairs
 from ..arithmetic import Pair, materialised, product, summed
@@ -23,7 +27,7 @@ from ..gradient import Slopes, seen
 from ..lanes import Lanes
 from ..signals import CONSTANT, Signals
 from ..system import Layout
-from .moments import Moments, moments_of, slope_square
+from .moments import Moments, moments_of, rates_of
 from .phases import (
     PhaseCycle,
     Phases,
@@ -39,22 +43,16 @@ from .pulled import PulledBack, with_pull_back
 LEAST_DECAY = 1e-7  # over a period: what keeps the mean square of an undamped mode finite
 
 
-class PhaseMeans(NamedTuple):
-    """What the mean squares ask of phases that stand beside each other."""
-
-    moments: Moments
-    turn: Float[Array, "s c"] | None  # mean of the square of drho/dt, where that is asked for
-
-
 class LongRunMeans(NamedTuple):
     """Means over the periods of all phases, and the way back from their derivatives."""
 
     modes: PolePairs  # that decay
     kind: Float[Array, "p c"]  # of all pairs, the design's own first
-    phases: list[PhaseMeans]
+    rates: bool  # of drho/dt in the place of rho
+    phases: list[Moments]
     back: PulledBack | None
 
-    def pulled(self, bars: list[PhaseMeans]) -> tuple[list[Pair], Signals]:
+    def pulled(self, bars: list[Moments]) -> tuple[list[Pair], Signals]:
         """Derivatives of every R by its pole, (p, s, c), and of sums of all means by the signals.
 
         `bars`: what the sums (m) are of, each with that leading axis.
@@ -64,11 +62,16 @@ class LongRunMeans(NamedTuple):
 
 
 def means_of(
-    g: Lanes, layout: Layout, turning: bool, gradient: bool, more: PolePairs | None = None
+    g: Lanes, layout: Layout, rates: bool, gradient: bool, more: PolePairs | None = None
 ) -> LongRunMeans:
-    """Of the designs' pairs and then `more`; `turning`: whether of the slope of rho too."""
+    """Of the designs' pairs and then `more`; `rates`: of drho/dt in the place of rho."""
     groups = phases_of(layout)
-    cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
+
+    def cycle_under(signals: Signals, phases: Phases) -> PhaseCycle:
+        cycle = cycle_of(signals, layout, phases)
+        return rates_of(cycle, of_wheels(layout, phases)) if rates else cycle
+
+    cycles = [cycle_under(g.signals, phases) for phases in groups]
     m = own = damped(g.modes, cycles)
     if more is not None:
         kind, l0, l1 = (
@@ -76,43 +79,45 @@ def means_of(
         )
         m = m._replace(kind=kind, l0=l0, l1=l1)
 
-    def means(m: PolePairs, cycle: PhaseCycle) -> PhaseMeans:
-        return PhaseMeans(moments_of(m, cycle), slope_square(cycle) if turning else None)
-
     if not gradient:
-        return LongRunMeans(own, m.kind, [materialised(means, wide(m), x) for x in cycles], None)
+        each = [materialised(moments_of, wide(m), x) for x in cycles]
+        return LongRunMeans(own, m.kind, rates, each, None)
 
     def of_group(phases: Phases):
-        def of(pole: Pair, signals: Signals) -> PhaseMeans:
-            return means(
-                wide(m)._replace(l0=pole[0], l1=pole[1]), cycle_of(signals, layout, phases)
+        def of(pole: Pair, signals: Signals) -> Moments:
+            return moments_of(
+                wide(m)._replace(l0=pole[0], l1=pole[1]), cycle_under(signals, phases)
             )
 
         return of
 
-    def unit(part: PhaseMeans) -> PhaseMeans:
+    def unit(part: Moments) -> Moments:
         none = jax.tree.map(jnp.zeros_like, part)
-        one = jnp.ones_like(part.moments.work[0])
-        work = one, jnp.where(m.kind[:, None] > 0, 0.0, one)
-        return none._replace(moments=none.moments._replace(work=work))
+        one = jnp.ones_like(part.work[0])
+        return none._replace(work=(one, jnp.where(m.kind[:, None] > 0, 0.0, one)))
 
     each, back = with_pull_back(
         [of_group(phases) for phases in groups], groups, [of_each(m, cycle) for cycle in cycles],
-        g.signals, unit, lambda part: part.moments.work,
+        g.signals, unit, lambda part: part.work,
     )  # fmt: skip
-    return LongRunMeans(own, m.kind, materialised(lambda x: x, each), back)
+    return LongRunMeans(own, m.kind, rates, materialised(lambda x: x, each), back)
+
+
+def of_wheels(layout: Layout, phases: Phases) -> Bool[np.ndarray, "s 1"]:
+    """Which of the phases are those of wheels."""
+    return np.array([column < layout.wheels for column in columns_of(layout, phases)])[:, None]
 
 
 class PhaseMoments(NamedTuple):
     """Phases of like kinds with every eigenvalue (q) by itself, both of a pair."""
 
     moments: Moments
-    turn: Float[Array, "s c"] | None  # mean of the square of drho/dt, where that is shown
     shown: Complex[Array, "o q s c"]  # what an output shows of what the column gives
     work: Complex[Array, "q s c"]
-    direct: Float[Array, "o s c"]
-    slope: Float[Array, "o s c"]
+    direct: Float[Array, "o s c"]  # by what the moments are those of: rho, or drho/dt
+    slope: Float[Array, "o s c"]  # by drho/dt
     mean: Float[Array, "o s c"]
+    rated: Bool[np.ndarray, "s 1"]  # the phases whose moments are those of drho/dt
 
 
 def both_of(m: PolePairs, a: Pair) -> Complex[Array, "... q c"]:
@@ -150,18 +155,20 @@ def damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
 
 
 def _phase(
-    g: Lanes, m: PolePairs, pole, means: PhaseMeans, columns, rows: np.ndarray
+    g: Lanes, m: PolePairs, pole, moments: Moments, columns, rows: np.ndarray, rated: np.ndarray
 ) -> PhaseMoments:
     """`pole` (q, c): all eigenvalues."""
-    moments, k = means.moments, m.kind > 0
+    k = m.kind > 0
     work = moments.work[0][: len(k)], moments.work[1][: len(k)]
     c = jnp.where(k, 0.5, 1.0) * m.c0[rows], jnp.where(k, -0.5, 1.0) * m.c1[rows]
     c = jnp.stack([both_of(m, (c[0][o], c[1][o])) for o in range(len(rows))])
     b = jnp.swapaxes(jnp.stack([both_of(m, (m.b0[i], m.b1[i])) for i in columns]), 0, 1)
     D, slope = (jnp.moveaxis(x[columns][:, rows], 1, 0) for x in (g.direct, g.slope))
     shown = c[:, :, None] * b
-    mean = (D - jnp.sum(shown / pole[:, None], axis=1).real) * moments.level
-    return PhaseMoments(moments, means.turn, shown, both_of(m, work), D, slope, mean)
+    over = shown / pole[:, None]
+    mean = jnp.where(rated, 0.0, (D - jnp.sum(over, axis=1).real) * moments.level)
+    shown, direct = jnp.where(rated, over, shown), jnp.where(rated, slope, D)
+    return PhaseMoments(moments, shown, both_of(m, work), direct, slope, mean, rated)
 
 
 class MeanSquares(NamedTuple):
@@ -176,24 +183,25 @@ class MeanSquares(NamedTuple):
 
 
 def mean_squares(g: Lanes, layout: Layout, rows: np.ndarray, means: LongRunMeans) -> MeanSquares:
-    """The long run's means of the squares of the outputs `rows`."""
+    """The long run's means of the squares of the outputs `rows`.
+
+    Accelerations where the means are of rates, else outputs that show nothing of drho/dt.
+    """
     m = means.modes
     pole = both_of(m, (m.l0, m.l1))
     parts = [
-        _phase(g, m, pole, part, columns_of(layout, phases), rows)
+        _phase(
+            g, m, pole, part, columns_of(layout, phases), rows,
+            of_wheels(layout, phases) & means.rates,
+        )
         for part, phases in zip(means.phases, phases_of(layout), strict=True)
-    ]
+    ]  # fmt: skip
     total = constant(m, layout, rows, g.direct) + sum(jnp.sum(part.mean, axis=1) for part in parts)
     value, kernels = total * total, []
     for part in parts:
         kernel = kernel_of(pole, part.shown) + 2 * part.direct[:, None] * part.shown
-        own = part.direct**2
-        if part.turn is not None:
-            kernel = kernel - 2 * part.slope[:, None] * pole[:, None] * part.shown
-            own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
-        square = own * part.moments.square + jnp.sum(kernel * part.work, axis=1).real
-        if part.turn is not None:
-            square = square + part.slope**2 * part.turn
+        square = jnp.sum(kernel * part.work, axis=1).real
+        square = square + part.direct**2 * part.moments.square
         value = value + jnp.sum(square - part.mean**2, axis=1)
         kernels.append(kernel)
     return MeanSquares(jnp.maximum(value, 0.0), parts, kernels, total, m, pole)
@@ -230,20 +238,18 @@ def mean_slopes(
     psi = Psi.none(g, layout, len(rows))
     for phases, part, own in zip(phases_of(layout), mean.phases, slopes, strict=True):
         R, S, slope = part.work, part.moments.square, both_of(m, own)
-        more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c)
+        more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c); the level of rates is 0
         value, turned = against(pole, part.shown, R, pole, R, slope)
         level = more[:, None] * (part.moments.level / pole[:, None])  # (o, q, s, c)
         value = value + 2 * part.direct[:, None] * R - level
         turned = turned + 2 * part.direct[:, None] * slope + level / pole[:, None]
         direct = jnp.sum(part.shown * R, axis=1).real + part.direct * S
-        rate = None
-        if part.turn is not None:
-            D1 = part.slope[:, None]
-            value = value - 2 * D1 * (pole[:, None] * R + S)
-            turned = turned - 2 * D1 * (R + pole[:, None] * slope)
-            rate = 2 * part.slope * part.turn
-            rate = rate - 2 * jnp.sum(part.shown * (pole[:, None] * R + S), axis=1).real
-        direct = 2 * direct + more * part.moments.level
+        direct, rate = 2 * direct + more * part.moments.level, None
+        if means.rates:  # by w from those by w/lambda, and nothing by D, which w and lambda give
+            over = value / pole[:, None]
+            turned = jnp.where(part.rated, (turned - over) / pole[:, None], turned)
+            value, rate = (jnp.where(part.rated, x, y) for x, y in ((over, value), (direct, 0.0)))
+            direct = jnp.where(part.rated, 0.0, direct)
         psi = psi.put(phases.first(layout), m, value, turned, direct, rate)
     for i, kind in enumerate(layout.kinds):
         if kind.phase == CONSTANT:
@@ -253,16 +259,12 @@ def mean_slopes(
     return psi.weighted(g, layout, rows, weight, signals)
 
 
-def _bar(m: PolePairs, pole, mean: MeanSquares, part: PhaseMoments, kernel, w) -> PhaseMeans:
+def _bar(m: PolePairs, pole, mean: MeanSquares, part: PhaseMoments, kernel, w) -> Moments:
     """Derivatives of mean squares times w (m, o, 1, c) by what a phase's means are."""
     gain = part.direct - jnp.sum(part.shown / pole[:, None], axis=1).real
-    more = 2 * (mean.total[:, None] - part.mean) * gain
-    own, turn = part.direct**2, None
-    if part.turn is not None:
-        own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
-        turn = jnp.sum(w * part.slope**2, axis=1)
+    more = jnp.where(part.rated, 0.0, 2 * (mean.total[:, None] - part.mean) * gain)
     work = by_pairs(m, jnp.sum(w[:, :, None] * kernel, axis=1))
-    return PhaseMeans(Moments(work, jnp.sum(w * more, axis=1), jnp.sum(w * own, axis=1)), turn)
+    return Moments(work, jnp.sum(w * more, axis=1), jnp.sum(w * part.direct**2, axis=1))
 
 
 class Psi(NamedTuple):

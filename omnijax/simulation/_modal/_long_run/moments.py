@@ -4,13 +4,14 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from .._poles import PolePairs
 from ..arithmetic import Pair, exp_less_one, plus, product, sincos, summed, times, turned
 from ..resonance import resonance
 from .phases import PhaseCycle, Wave, follows, free_starts, ones
-from .table_wave import table_level, table_line, table_means, table_slope_square
+from .table_wave import table_level, table_line, table_means
 
 
 class Moments(NamedTuple):
@@ -165,20 +166,20 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
     return Moments(work, level, square)
 
 
-def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
-    """Mean of the square of drho/dt over the phases' periods; rho has no jumps."""
-    square = jnp.zeros_like(cycle.period)
-    if cycle.edged:
-        own = _Squares.of(cycle)
-        wave, rate = own.wave, own.wave.rate[:, None]
-        turned = wave._replace(cosine=rate * wave.sine, sine=-rate * wave.cosine)
-        square = own.total(_product(turned, _Overlap.of(turned, turned)))
-    if cycle.table is not None:
-        square = table_slope_square(cycle.table)
-    if cycle.endless:
-        half, across = _with_endless(cycle)
-        square = square + cycle.endless[0].rate[0] ** 2 * (half + across)
-    return square
+def rates_of(cycle: PhaseCycle, some: Bool[np.ndarray, "s 1"]) -> PhaseCycle:
+    """With drho/dt in the place of rho, which has no jumps, of `some` of the phases.
+
+    Phases with tables are those of wheels.
+    """
+
+    def turned(wave: Wave) -> Wave:
+        rate = wave.rate[:, None]
+        cosine = jnp.where(some, rate * wave.sine, wave.cosine)
+        return wave._replace(cosine=cosine, sine=jnp.where(some, -rate * wave.cosine, wave.sine))
+
+    edged, endless = (tuple(map(turned, waves)) for waves in (cycle.edged, cycle.endless))
+    table = None if cycle.table is None else cycle.table.rates()
+    return PhaseCycle(edged, endless, cycle.period, table)
 
 
 def _level(cycle: PhaseCycle) -> Float[Array, "s c"]:

@@ -56,6 +56,11 @@ class TableWave(NamedTuple):
         """s, of each piece."""
         return jnp.cumsum(self.duration, axis=0) - self.duration
 
+    def rates(self) -> "TableWave":
+        """drho/dt in the place of rho."""
+        rho = jnp.concatenate([self.rho[:, 1:], jnp.zeros_like(self.rho[:, :1])], axis=1)
+        return TableWave(self.duration, rho)
+
 
 class TablePlace(NamedTuple):
     """What is on at a time, and how long after the begin of its piece that is."""
@@ -211,12 +216,6 @@ def table_means(m: PolePairs, wave: TableWave) -> TableMeans:
     work, _ = jax.lax.scan(one, (none, none), each)
     square = jnp.sum(_square(wave.duration, jnp.swapaxes(wave.rho, 0, 1)), axis=0)
     return TableMeans(times(1 / wave.period, work), table_level(wave), square / wave.period)
-
-
-def table_slope_square(wave: TableWave) -> Float[Array, "s c"]:
-    """Mean of the square of drho/dt."""
-    rho = jnp.swapaxes(wave.rho, 0, 1)[1:]
-    return jnp.sum(_square(wave.duration, rho), axis=0) / wave.period
 
 
 def table_line(wave: TableWave, rate: Float[Array, "s c"]) -> list[Array]:
