@@ -166,7 +166,7 @@ def _drawn(kind: str, rng):
     return eqx.tree_at(lambda r: r.profiles, rig, (*measured, *rig.profiles[len(measured) :]))
 
 
-@pytest.mark.parametrize("kind", tiered(["orthogonal", "tripod", "four"], "tripod".__eq__))
+@pytest.mark.parametrize("kind", tiered(["orthogonal", "tripod", "four"], "orthogonal".__ne__))
 def test_figures_are_those_of_each_design(kind):
     """Backwards and at rest too; several tables, or one beside gaps, runout and relaxation.
 
