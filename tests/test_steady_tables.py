@@ -13,6 +13,7 @@ from tiers import tiered
 
 from omnijax.simulation import modal_steady_obstacle
 from omnijax.simulation._modal._long_run.curves import ModalCurves, TableCurves, values_at
+from omnijax.simulation._modal._long_run.moments import Moments, moments_of
 from omnijax.simulation._modal._long_run.pass_tables import along_tables, highest
 from omnijax.simulation._modal._long_run.phases import PhaseCycle, spot_on
 from omnijax.simulation._modal._long_run.table_wave import (
@@ -20,7 +21,6 @@ from omnijax.simulation._modal._long_run.table_wave import (
     starts_of,
     table_level,
     table_line,
-    table_means,
 )
 from omnijax.simulation._modal._poles import PolePairs
 from omnijax.vibration import SteadyRun, long_run_metrics, steady_metric
@@ -52,6 +52,11 @@ def _pairs(where: str, period: float) -> PolePairs:
     none = jnp.zeros((1, 1, 1))
     kind, l0, l1 = (jnp.full((1, 1, 1), x) for x in (kind, l0 / period, l1 / period))
     return PolePairs(kind, l0, l1, none, none, none, none)
+
+
+def table_means(m: PolePairs, wave: TableWave) -> Moments:
+    """Means over the period of a phase of tables alone."""
+    return moments_of(m, PhaseCycle((), (), wave.period, wave))
 
 
 def _levels(wave: TableWave, time):

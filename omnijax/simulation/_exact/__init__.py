@@ -24,6 +24,7 @@ from .propagate import propagate_in_pieces as propagate_in_pieces
 from .propagate import propagated as propagated
 from .propagate import propagation_obstacle as propagation_obstacle
 from .propagate import reached_like as reached_like
+from .system import ACCELERATIONS as ACCELERATIONS
 from .system import ForcedSystem as ForcedSystem
 from .system import balanced as balanced
 from .system import exact_obstacle as exact_obstacle

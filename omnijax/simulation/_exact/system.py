@@ -44,6 +44,7 @@ from .forcing import period_kind, room_obstacle
 from .linear_laws import linear_obstacle, says_linear
 
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
+ACCELERATIONS = ("a_sphere",)  # of these: what wheels at rest leave at 0
 
 
 class ForcedSystem(NamedTuple):

@@ -21,6 +21,7 @@ from ..._status import Status
 from ...dynamics import held
 from ...rig import Rig
 from .._exact import (
+    ACCELERATIONS,
     GROWTH,
     ForcedSystem,
     Forcing,
@@ -44,7 +45,6 @@ from .peak_search import Curves, PeakPlaces, largest, places, supremum
 from .smooth_peak import PhasePlaces, smooth_peak
 
 BITS = 7  # of the even places a piece where extremes are looked for
-ACCELERATIONS = ("a_sphere",)
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 
 

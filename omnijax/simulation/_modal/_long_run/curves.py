@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._poles import PolePairs
+from .._tables import rate_of
 from ..arithmetic import (
     Pair,
     flushed,
@@ -43,7 +44,7 @@ from .phases import (
     spot_on,
     wide,
 )
-from .table_wave import TablePlace, TableWave, at_piece, passed, rate_of, starts_of
+from .table_wave import TablePlace, TableWave, at_piece, passed, starts_of
 
 BEYOND = 1e-9  # of the period: where the next piece is on, whichever it is
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...._root import root
+from ..._exact import ACCELERATIONS
 from .._poles import grows
 from ..arithmetic import materialised
 from ..gradient import Slopes, half_root
@@ -29,8 +30,6 @@ from .mean import mean_slopes, mean_squares, means_of
 from .phases import Phases, Spot, phases_of
 from .spots import AtSpots, spot_slopes, together
 from .supremum import is_straight, suprema
-
-SMOOTH = ("dR", "dR_elastic")  # outputs that show nothing of the slope of rho
 
 
 class AskedFigure(NamedTuple):
@@ -192,7 +191,7 @@ def _pieces(
     }
     pieces = []
     for rates in (False, True):
-        some = [one for one in of["mean_square"] if (one.output not in SMOOTH) == rates]
+        some = [one for one in of["mean_square"] if (one.output in ACCELERATIONS) == rates]
         if some:
             pieces.append(_mean_piece(g, layout, some, rates, gradient))
     if of["filtered"]:

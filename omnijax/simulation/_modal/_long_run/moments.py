@@ -11,7 +11,7 @@ from .._poles import PolePairs
 from ..arithmetic import Pair, exp_less_one, plus, product, sincos, summed, times, turned
 from ..resonance import resonance
 from .phases import PhaseCycle, Wave, follows, free_starts, ones
-from .table_wave import table_level, table_line, table_means
+from .table_wave import table_level, table_line, table_square, table_work
 
 
 class Moments(NamedTuple):
@@ -154,7 +154,7 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
         first, second = (own.total(x) for x in _work(own.modes(m), own.wave, both))
         work, level, square = (first, second), _level(cycle), own.total(_product(own.wave, both))
     if cycle.table is not None:
-        work, level, square = table_means(m, cycle.table)
+        work, level, square = table_work(m, cycle.table), _level(cycle), table_square(cycle.table)
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
         half, across = _with_endless(cycle)

@@ -12,11 +12,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ...._cubic import crossing
 from ..._one_kernel import one_kernel
-from ..arithmetic import Pair, across, materialised, plus, product, sincos, stored, times, turned
+from .._tables import forced_on, rate_of, unit_moves
+from ..arithmetic import Pair, across, materialised, sincos, stored, turned
 from ..table_signals import moved_on
 from .curves import ModalCurves, TableCurves, shown_by_tables, size_of
-from .table_wave import unit_moves
 
 STEP = 0.3  # of a pole's 1/|lambda|: a cubic is within 2e-5 of what that moves
 ROUGH = 1.0  # where directions are looked for, not times
@@ -47,8 +48,7 @@ def highest(interval: Interval, heights: Callable) -> tuple[Array, Array]:
     inside = (s0 >= 0) & (s1 <= 0) & (s0 > s1)
     rise = h1 - h0
     bend, twist = 3 * rise - 2 * s0 - s1, s0 + s1 - 2 * rise
-    root = jnp.sqrt(jnp.maximum(bend * bend - 3 * twist * s0, 0.0)) - bend
-    at = jnp.clip(s0 / jnp.where(root > 0, root, 1.0), 0.0, 1.0)
+    at = jnp.clip(crossing(s0, bend, twist), 0.0, 1.0)
     top = h0 + at * (s0 + at * (bend + at * twist))
     first = interval.begin <= 0
     height = jnp.where(inside, top, jnp.where(first, h0, LOW))
@@ -61,7 +61,7 @@ def _intervals(f: ModalCurves, t: TableCurves, size, share: float, piece) -> Flo
     k = f.kind > 0
     z4 = z
     for r in rho:
-        z4 = plus(product(f.kind, f.pole, z4), (r, jnp.where(k, 0.0, r)))
+        z4 = rate_of(f.kind, f.pole, z4, r)
     ends = shown_by_tables(f, z, rho, 3)[2], shown_by_tables(f, after, moved_on(rho, v), 3)[2]
     first, second = (jnp.abs(x) for x in t.weight)
     one, two = (jnp.abs(x) for x in z4)
@@ -122,13 +122,7 @@ def along_tables(f: ModalCurves, gather: Callable, totals, share: float = STEP):
             totals, number, z, x, v = state
             here, later = moved_on(rho, number * h), moved_on(rho, (number + 1) * h)
 
-            def onward(here, *z) -> Pair:
-                end = product(f.kind, over, z)
-                for r, force in zip(here, forces, strict=True):
-                    end = plus(end, times(r, force))
-                return end
-
-            z = stored(onward, here, *z)
+            z = stored(lambda here, *z: forced_on(f.kind, z, over, forces, here), here, *z)
             begun = begin + number * h
             counts = (number < count) & (h > 0) & (begun < f.cycle.period * (1 - 1e-12))
             x1, v1 = seen(z, later, begin + (number + 1) * h)

@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._poles import PolePairs
-from .._tables import phis
+from .._tables import forced_on, moved, phis, rate_of
 from ..arithmetic import Pair, exp_less_one, materialised, plus, product, quotient, sincos, times
 from ..table_signals import DEGREE, TableSignals, moved_on
 
@@ -89,17 +89,6 @@ def _powers(v, count: int) -> list[Array]:
     return list(itertools.accumulate([v] * count, operator.mul))
 
 
-def unit_moves(kind, pole: Pair, v) -> tuple[Pair, list[Pair]]:
-    """exp(lambda v), and v^n phi_n(lambda v) for n = 1, ..., 4: what units of rho force."""
-    over, *phi = phis(kind, times(v, pole))
-    return over, [times(x, y) for x, y in zip(_powers(v, POWERS), phi, strict=True)]
-
-
-def rate_of(kind, pole: Pair, z: Pair, rho) -> Pair:
-    """dz/dt = lambda z + rho."""
-    return plus(product(kind, pole, z), (rho, jnp.where(kind > 0, 0.0, rho)))
-
-
 def _with_time(x: Pair, v, rate: Pair) -> Pair:
     """x with its derivative by v, which it was worked out without."""
     still = jax.lax.stop_gradient
@@ -109,9 +98,7 @@ def _with_time(x: Pair, v, rate: Pair) -> Pair:
 
 def passed(kind, pole: Pair, z: Pair, v, rho: Float[Array, "4 s c"]) -> Pair:
     """z a time v later on a piece that has rho at first."""
-    over, forces = unit_moves(kind, pole, jax.lax.stop_gradient(v))
-    terms = [times(x, y) for x, y in zip(rho, forces, strict=True)]
-    end = functools.reduce(plus, terms, product(kind, over, z))
+    end, _ = moved(kind, *pole, z, jax.lax.stop_gradient(v), rho)
     return _with_time(end, v, rate_of(kind, pole, end, moved_on(rho, v)[0]))
 
 
@@ -124,25 +111,23 @@ def starts_of(m: PolePairs, wave: TableWave) -> Pair:
     none = 0.0 * m.l0 + jnp.zeros_like(wave.period)
 
     @jax.checkpoint
-    def moved(state, piece):
+    def onward(state, piece):
         z, decayed = state
         v, rho = piece
 
-        def both(kind, l0, l1, v, rho):
-            over, forces = unit_moves(kind, (l0, l1), v)
-            forced = functools.reduce(plus, (times(x, y) for x, y in zip(rho, forces, strict=True)))
-            return [jax.lax.complex(*x) for x in (over, forced)]
+        def both(*x):
+            return [jax.lax.complex(*y) for y in moved(*x)]
 
-        over, forced = (
-            (x.real, x.imag) for x in materialised(both, kind, *pole, jax.lax.stop_gradient(v), rho)
+        end, over = (
+            (x.real, x.imag)
+            for x in materialised(both, kind, *pole, z, jax.lax.stop_gradient(v), rho)
         )
-        end = plus(product(kind, over, z), forced)
         end = _with_time(end, v, rate_of(kind, pole, end, moved_on(rho, v)[0]))
         over = _with_time(over, v, product(kind, pole, over))
         return (end, product(kind, decayed, over)), state
 
     rest = (none, none), (none + 1.0, jnp.where(kind > 0, 0.0, none + 1.0))
-    (end, _), (z, decayed) = jax.lax.scan(moved, rest, (wave.duration, wave.rho))
+    (end, _), (z, decayed) = jax.lax.scan(onward, rest, (wave.duration, wave.rho))
     less = exp_less_one(kind, times(wave.period, pole))
     first = quotient(kind, end, times(-1.0, less))
     return plus(z, product(kind, decayed, first))
@@ -188,22 +173,15 @@ def _work(kind, pole: Pair, z: Pair, v, rho) -> Pair:
         for n in range(POWERS)
     ]
     total = functools.reduce(plus, (times(x, y) for x, y in zip(share, Z, strict=True)))
-    over, forces = phi[0], [force(n) for n in range(1, POWERS + 1)]
-    terms = (times(r, y) for r, y in zip(rho, forces, strict=True))
-    end = functools.reduce(plus, terms, product(kind, over, z))
+    end = forced_on(kind, z, phi[0], [force(n) for n in range(1, POWERS + 1)], rho)
     return _with_time(total, v, times(moved_on(rho, v)[0], end))
 
 
-class TableMeans(NamedTuple):
-    """Means over the period of tables."""
+def table_work(m: PolePairs, wave: TableWave) -> Pair:
+    """Mean of rho times the response, (p, s, c).
 
-    work: Pair  # (p, s, c): of rho times the response
-    level: Float[Array, "s c"]
-    square: Float[Array, "s c"]
-
-
-def table_means(m: PolePairs, wave: TableWave) -> TableMeans:
-    """Of `wide` modes, or of modes (p, s, c) of each phase."""
+    Of `wide` modes, or of modes (p, s, c) of each phase.
+    """
     kind, pole = m.kind, (m.l0, m.l1)
 
     @jax.checkpoint
@@ -214,8 +192,13 @@ def table_means(m: PolePairs, wave: TableWave) -> TableMeans:
     none = 0.0 * m.l0 + jnp.zeros_like(wave.period)
     each = starts_of(m, wave), wave.duration, wave.rho
     work, _ = jax.lax.scan(one, (none, none), each)
+    return times(1 / wave.period, work)
+
+
+def table_square(wave: TableWave) -> Float[Array, "s c"]:
+    """Mean of the square of rho."""
     square = jnp.sum(_square(wave.duration, jnp.swapaxes(wave.rho, 0, 1)), axis=0)
-    return TableMeans(times(1 / wave.period, work), table_level(wave), square / wave.period)
+    return square / wave.period
 
 
 def table_line(wave: TableWave, rate: Float[Array, "s c"]) -> list[Array]:

@@ -18,7 +18,7 @@ import functools
 import itertools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -98,24 +98,34 @@ def phis(kind, a: Pair, highest: int = DEGREE + 1) -> list[Pair]:
     return [power, *(chosen(x, y) for x, y in zip(below[::-1], above[1:], strict=True))]
 
 
-def _unit_moves(kind, l0, l1, v) -> tuple[Pair, list[Pair]]:
+def unit_moves(kind, pole: Pair, v) -> tuple[Pair, list[Pair]]:
     """exp(lambda v), and what units of rho and of its derivatives force from rest."""
-    over, *phi = phis(kind, times(v, (l0, l1)))
+    over, *phi = phis(kind, times(v, pole))
     power = itertools.accumulate([v] * len(phi), operator.mul)
     return over, [times(x, y) for x, y in zip(power, phi, strict=True)]
 
 
-def _moved(kind, l0, l1, z: Pair, v, rho) -> tuple[Pair, Pair]:
-    """z(v) from z on a piece that begins with rho (4, ...), and exp(lambda v)."""
-    over, forces = _unit_moves(kind, l0, l1, v)
+def forced_on(kind, z: Pair, over: Pair, forces: Sequence[Pair], rho) -> Pair:
+    """z on the way from z on a piece that begins with rho (4, ...), by its `unit_moves`."""
     each = (times(x, force) for x, force in zip(rho, forces, strict=True))
-    return functools.reduce(plus, each, product(kind, z, over)), over
+    return functools.reduce(plus, each, product(kind, z, over))
+
+
+def rate_of(kind, pole: Pair, z: Pair, rho) -> Pair:
+    """dz/dt = lambda z + rho."""
+    return plus(product(kind, pole, z), (rho, jnp.where(kind > 0, 0.0, rho)))
+
+
+def moved(kind, l0, l1, z: Pair, v, rho) -> tuple[Pair, Pair]:
+    """z(v) from z on a piece that begins with rho (4, ...), and exp(lambda v)."""
+    over, forces = unit_moves(kind, (l0, l1), v)
+    return forced_on(kind, z, over, forces, rho), over
 
 
 @jax.custom_jvp
 def _moved_by_fixed(kind, l0, l1, z: Pair, v, rho) -> tuple[Pair, Pair]:
-    """`_moved` by poles that are not differentiated, with d/dv = lambda z + rho of z."""
-    return _moved(kind, l0, l1, z, v, rho)
+    """`moved` by poles that are not differentiated, with d/dv = lambda z + rho of z."""
+    return moved(kind, l0, l1, z, v, rho)
 
 
 @_moved_by_fixed.defjvp
@@ -124,10 +134,9 @@ def _(primals, tangents):
     *_, dz, dv, drho = tangents
 
     def parts(kind, l0, l1, z: Pair, v, rho) -> list[Array]:
-        over, forces = _unit_moves(kind, l0, l1, v)
-        end = _moved(kind, l0, l1, z, v, rho)[0]
-        own = (moved_on(rho, v)[0], jnp.where(kind > 0, 0.0, moved_on(rho, v)[0]))
-        rate = plus(product(kind, (l0, l1), end), own)
+        over, forces = unit_moves(kind, (l0, l1), v)
+        end = forced_on(kind, z, over, forces, rho)
+        rate = rate_of(kind, (l0, l1), end, moved_on(rho, v)[0])
         turn = product(kind, (l0, l1), over)
         return [jax.lax.complex(*x) for x in (end, over, rate, turn, *forces)]
 
@@ -139,8 +148,8 @@ def _(primals, tangents):
 
 
 def _stored(*args) -> tuple[Pair, Pair]:
-    """`_moved`, stored."""
-    each = materialised(lambda *a: [jax.lax.complex(*x) for x in _moved(*a)], *args)
+    """`moved`, stored."""
+    each = materialised(lambda *a: [jax.lax.complex(*x) for x in moved(*a)], *args)
     (first, over), (second, turn) = ([x.real for x in each], [x.imag for x in each])
     return (first, second), (over, turn)
 
