@@ -105,6 +105,21 @@ def test_white_noise_has_no_colour_and_an_offset_of_each_run_does_not_widen_it()
             assert np.mean(plain**2, axis=0) == pytest.approx(np.ones(6), abs=0.25)
 
 
+def test_rows_of_a_rig_that_runs_away_are_not_finite_and_end_nothing():
+    """Beside noise of a colour a trial that ran away ended the whole diagnosis (seed 1349)."""
+    rng = drawn_anew("runaway beside a walk")
+    walk = residual(rng, {4: rng.normal(size=N) + drawn_walk(rng, rng.uniform(2, 6))})
+    rows = measured(told([walk]).shown(NAMES)[0])[1]
+    assert rows.turning is not None
+    table = rng.normal(size=(3, rows.size))
+    alone = rows.project(table.T).T
+    table[1, rng.integers(rows.size, size=5)] = rng.choice([np.nan, np.inf])
+    with np.errstate(invalid="ignore"):
+        rows.take_off(table)
+    assert not np.isfinite(table[1]).all()
+    np.testing.assert_allclose(table[[0, 2]], alone[[0, 2]], rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize("colour", ["walk", "low-pass"])
 def test_the_error_of_a_smoothed_angle_is_as_large_as_is_said(colour):
     """A walk of the encoders passes the smoother, and shakes the sphere through the shapes."""

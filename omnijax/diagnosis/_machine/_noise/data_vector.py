@@ -109,7 +109,7 @@ class DataRows:
         back = x.copy()
         self.bleach_rotation(back)
         along = [back[:, part] @ q for part, q in self.starts]
-        sizes = cho_solve(self._gram, np.concatenate(along, axis=1).T).T
+        sizes = cho_solve(self._gram, np.concatenate(along, axis=1).T, check_finite=False).T
         back[:] = 0.0
         ends = np.cumsum([q.shape[1] for _, q in self.starts])[:-1]
         for (part, q), size in zip(self.starts, np.split(sizes, ends, axis=1), strict=True):
