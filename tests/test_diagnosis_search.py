@@ -908,6 +908,36 @@ def test_what_is_left_of_a_strong_gap_is_strong_however_much_was_explained():
     assert len(search.on_trust(way)) == 1
 
 
+def test_what_later_effects_made_needless_is_left_out_before_the_way_is_judged():
+    """Seed 1331: a wrong line taken in on trust led to both lines of a cogging, and took them along
+    when held-out runs did not confirm it."""
+    rng, rows = drawn_anew("needless first step"), 3000
+    ids = ["bearing-coulomb", "shaft-drag"]
+    shapes = dict(zip(ids, np.linalg.qr(rng.normal(size=(rows, 2)))[0].T, strict=True))
+    needless, true = rng.permutation(ids)
+    unlike = np.eye(rows) - np.outer(shapes[needless], shapes[needless])
+    noise = {split: unlike @ rng.normal(size=rows) for split in ("train", "held-out")}
+
+    def residual(values, laws, split):
+        out = noise[split] + 40.0 * shapes[true]
+        for given in laws:
+            (key,) = (k for k, p in given.parameters.items() if p.linear)
+            out = out - float(getattr(given, key)) * shapes[given.id]
+        return out
+
+    model = SmallModel(residual, [], {id: LAWS[id] for id in ids}, "shaft")
+    search = Search(model)
+
+    def effect(id, size):
+        (key,) = (k for k, p in LAWS[id].parameters.items() if p.linear)
+        return Effect(id, "shaft", {key: size})
+
+    both = Point(np.zeros(0)).with_effects(effect(needless, 1.0), effect(true, 30.0))
+    way = search.needed(SearchPath(refit(model, both)))
+    assert [e.id for e in way.fit.point.effects] == [true]
+    assert search.needed(way) is way
+
+
 class Clock(SmallModel):
     """A tone of an uncertain pitch: what comes late hangs on it by many turns."""
 

@@ -211,7 +211,10 @@ class Search:
             if not promising:
                 break
             way = self.with_effect(way, promising[0])
-        if sure is None or self.confirmed(way, sure):
+        if sure is None:
+            return way
+        way = self.needed(way)
+        if self.confirmed(way, sure):
             return way
         self.tell(f"{self.who} do not confirm what was taken in on trust")
         self.model.rebase(sure.fit.point)
@@ -243,6 +246,21 @@ class Search:
         """
         point = way.fit.point
         return self._confirms(way.fit, [point.with_effects(*sure.fit.point.effects), *_less(point)])
+
+    def needed(self, way: SearchPath) -> SearchPath:
+        """The way less what the fitted runs do without, beside all that came after it.
+
+        A first step on trust may have been a wrong one that led to the right ones.
+        """
+        fit = way.fit
+        while len(fit.point.effects) > 1:
+            fits = [refit(self.model, p, rounds=WITHOUT_STEPS) for p in _less(fit.point)]
+            less = min(fits, key=lambda fit: fit.cost)
+            if less.cost - fit.cost >= self.settings.margin:
+                break
+            self.tell("leaving out what was taken in on trust and is not needed any more")
+            fit = self.refits.settle(less)
+        return way if fit is way.fit else dataclasses.replace(way, fit=fit)
 
     def stands(self, fit: Fit) -> bool:
         """Whether every effect of a fit, found under another noise, is confirmed under this one.
