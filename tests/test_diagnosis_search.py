@@ -915,8 +915,8 @@ def test_what_later_effects_made_needless_is_left_out_before_the_way_is_judged()
     ids = ["bearing-coulomb", "shaft-drag"]
     shapes = dict(zip(ids, np.linalg.qr(rng.normal(size=(rows, 2)))[0].T, strict=True))
     needless, true = rng.permutation(ids)
-    unlike = np.eye(rows) - np.outer(shapes[needless], shapes[needless])
-    noise = {split: unlike @ rng.normal(size=rows) for split in ("train", "held-out")}
+    white = {split: rng.normal(size=rows) for split in ("train", "held-out")}
+    noise = {k: x - (shapes[needless] @ x) * shapes[needless] for k, x in white.items()}
 
     def residual(values, laws, split):
         out = noise[split] + 40.0 * shapes[true]
@@ -933,9 +933,10 @@ def test_what_later_effects_made_needless_is_left_out_before_the_way_is_judged()
         return Effect(id, "shaft", {key: size})
 
     both = Point(np.zeros(0)).with_effects(effect(needless, 1.0), effect(true, 30.0))
-    way = search.needed(SearchPath(refit(model, both)))
-    assert [e.id for e in way.fit.point.effects] == [true]
-    assert search.needed(way) is way
+    fit, alone = search.needed(refit(model, both))
+    assert [e.id for e in fit.point.effects] == [true]
+    assert search.needed(fit)[0] is fit
+    assert [less.point.effects for less in alone] == [()]
 
 
 class Clock(SmallModel):

@@ -6,7 +6,8 @@ been the wrong one: the search goes on from the runners-up too and keeps the bet
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -213,9 +214,9 @@ class Search:
             way = self.with_effect(way, promising[0])
         if sure is None:
             return way
-        way = self.needed(way)
-        if self.confirmed(way, sure):
-            return way
+        fit, alone = self.needed(way.fit)
+        if self.confirmed(fit, alone, sure):
+            return way if fit is way.fit else dataclasses.replace(way, fit=fit)
         self.tell(f"{self.who} do not confirm what was taken in on trust")
         self.model.rebase(sure.fit.point)
         return sure
@@ -239,44 +240,46 @@ class Search:
             and not self.has(way.fit, t.effect)
         ]  # fmt: skip
 
-    def confirmed(self, way: SearchPath, sure: SearchPath) -> bool:
-        """Whether held-out runs confirm every effect of a way beside its others.
-
-        And all those together that it has more than the way up to its first step on trust, `sure`.
-        """
-        point = way.fit.point
-        return self._confirms(way.fit, [point.with_effects(*sure.fit.point.effects), *_less(point)])
-
-    def needed(self, way: SearchPath) -> SearchPath:
-        """The way less what the fitted runs do without, beside all that came after it.
+    def needed(self, fit: Fit) -> tuple[Fit, list[Fit]]:
+        """The fit less what the fitted runs do without, and its refits without each effect.
 
         A first step on trust may have been a wrong one that led to the right ones.
         """
-        fit = way.fit
-        while len(fit.point.effects) > 1:
-            fits = [refit(self.model, p, rounds=WITHOUT_STEPS) for p in _less(fit.point)]
-            less = min(fits, key=lambda fit: fit.cost)
-            if less.cost - fit.cost >= self.settings.margin:
-                break
-            self.tell("leaving out what was taken in on trust and is not needed any more")
-            fit = self.refits.settle(less)
-        return way if fit is way.fit else dataclasses.replace(way, fit=fit)
+        while True:
+            alone = list(self.without(_less(fit.point)))
+            k = min(range(len(alone)), key=lambda i: alone[i].cost)
+            if len(alone) == 1 or alone[k].cost - fit.cost >= self.settings.margin:
+                return fit, alone
+            self.tell(f"{fit.point.effects[k].name} is not needed: the fitted runs do without it")
+            fit = self.refits.settle(alone[k])
+
+    def without(self, points: Iterable[Point]) -> Iterator[Fit]:
+        """Refits from points that lack effects, each as it is asked for."""
+        return (refit(self.model, point, rounds=WITHOUT_STEPS) for point in points)
+
+    def confirmed(self, fit: Fit, alone: Iterable[Fit], sure: SearchPath) -> bool:
+        """Whether held-out runs confirm every effect of a fit beside its others.
+
+        `alone` are the refits without each.  And all those together that it has more than the way
+        up to its first step on trust, `sure`.
+        """
+        before = self.without([fit.point.with_effects(*sure.fit.point.effects)])
+        return self._confirms(fit, itertools.chain(before, alone))
 
     def stands(self, fit: Fit) -> bool:
         """Whether every effect of a fit, found under another noise, is confirmed under this one.
 
         Beside the others: it is needed by the fitted runs, and held-out runs show what it changes.
         """
-        return self._confirms(fit, _less(fit.point), self.settings.margin)
+        return self._confirms(fit, self.without(_less(fit.point)), self.settings.margin)
 
-    def _confirms(self, fit: Fit, others: list[Point], least: float = -np.inf) -> bool:
-        """Whether held-out runs confirm what a fit has more than each of `others`, refitted.
+    def _confirms(self, fit: Fit, others: Iterable[Fit], least: float = -np.inf) -> bool:
+        """Whether held-out runs confirm what a fit has more than each of `others`.
 
         And the fitted runs gain `least` by it.
         """
         after = residual_of(self.model, fit.point, "held-out")
-        for point in others:
-            less = refit(self.model, point, rounds=WITHOUT_STEPS)
+        for less in others:
             gain = less.cost - fit.cost
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
             if gain < least or not held.confirms(gain, self.settings):

@@ -109,6 +109,7 @@ class DataRows:
         back = x.copy()
         self.bleach_rotation(back)
         along = [back[:, part] @ q for part, q in self.starts]
+        # rows of a rig that runs away are not finite, and stay so
         sizes = cho_solve(self._gram, np.concatenate(along, axis=1).T, check_finite=False).T
         back[:] = 0.0
         ends = np.cumsum([q.shape[1] for _, q in self.starts])[:-1]
