@@ -122,18 +122,25 @@ def _less(case: Any, window: float, thin: int, seconds: float | None) -> Any:
 
 
 def _write(diagnosis: Any, folder: Path) -> str:
-    """The answer's files; the name of the machine's with the effects added."""
+    """The answer's files; the name of the machine's with the effects added.
+
+    Or why there is none: an effect may stand beside one of its kind that the machine has there.
+    """
+    from .._errors import InputError
     from ..report import diagnosis_page
     from ..rig import Rig, save_laws, save_rig
 
     diagnosis.save(folder / "diagnosis.json")
-    made = "rig-diagnosed.toml" if isinstance(diagnosis.rig, Rig) else "machine-diagnosed.toml"
-    if isinstance(diagnosis.rig, Rig):
-        save_rig(diagnosis.rig, folder / made)
-    else:
-        save_laws((one.law for one in diagnosis.rig.placed), folder, "machine")
-        write_text(folder / made, diagnosis.details["evidence"].text(diagnosis.rig))
     diagnosis_page(diagnosis, command_line()).write(folder)
+    made = "rig-diagnosed.toml" if isinstance(diagnosis.rig, Rig) else "machine-diagnosed.toml"
+    try:
+        if isinstance(diagnosis.rig, Rig):
+            save_rig(diagnosis.rig, folder / made)
+        else:
+            save_laws((one.law for one in diagnosis.rig.placed), folder, "machine")
+            write_text(folder / made, diagnosis.details["evidence"].text(diagnosis.rig))
+    except InputError as refused:
+        return f"but no {made}: {refused}"
     return made
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from ._hertz import effective_modulus as effective_modulus
     from ._hertz import effective_radius as effective_radius
     from ._hertz import peak_pressure as peak_pressure
+    from ._joined import joined as joined
+    from ._joined import one_a_place as one_a_place
     from ._library import AXIS_EFFECTS as AXIS_EFFECTS
     from ._library import EFFECTS as EFFECTS
     from ._library import PORTS as PORTS

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from .._errors import InputError
 from .._text import listed, scaled_together
 from ..laws import in_words
 from ._content import Column, Fact, Provenance, Section, Table, provenance
@@ -27,7 +28,10 @@ NAMES = {
 
 def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
     """A `Page` of a `Diagnosis`."""
-    text = diagnosis.details["evidence"].text(diagnosis.rig)
+    try:
+        text = diagnosis.details["evidence"].text(diagnosis.rig)
+    except InputError as refused:  # an effect beside one of its kind that the machine has there
+        text = f"# {refused}"
     made: Provenance = provenance(command, text, 0)
     sections = [
         *sizes_section(diagnosis),

@@ -93,7 +93,7 @@ class AbstractEvidence(abc.ABC):
 
     @abc.abstractmethod
     def described(self, point: Point) -> Any:
-        """The machine at a point: what the diagnosis hands back."""
+        """The machine at a point: what the diagnosis hands back, laws of one place joined."""
 
     @abc.abstractmethod
     def text(self, described: Any) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..._text import listed
 from ...dynamics import contact_signals
-from ...laws import ContactHertz
+from ...laws import ContactHertz, one_a_place
 from ...rig import rig_text
 from .._machine import (
     CLOCK,
@@ -159,7 +159,8 @@ class RigEvidence(AbstractEvidence):
         return next_experiment(self.model, rivals)
 
     def described(self, point):
-        return self.model.rig_at(point, clocks=False)
+        rig = self.model.rig_at(point, clocks=False)
+        return rig.with_effects(one_a_place(rig.effects))
 
     def text(self, described):
         return rig_text(described)

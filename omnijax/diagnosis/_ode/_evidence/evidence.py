@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...._errors import RunError
+from ....laws import one_a_place
 from ....machine import (
     Axis,
     MachineFile,
@@ -113,7 +114,7 @@ class OdeEvidence(AbstractEvidence):
             for e in point.effects
         ]
         file = with_numbers(self.file, machine)
-        return dataclasses.replace(file, placed=(*self.file.placed, *placed))
+        return dataclasses.replace(file, placed=one_a_place((*self.file.placed, *placed)))
 
     def text(self, described):
         return machine_text(described)
