@@ -13,7 +13,7 @@ from tiers import tiered
 from benchmarks._lines import rate
 from benchmarks.hidden_effects import cases, thresholds
 from benchmarks.hidden_effects.answers import _numbers, _turned_alike, right
-from benchmarks.hidden_effects.cases import drawn, planted
+from benchmarks.hidden_effects.cases import drawn, planted, sensed
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import FINE, drawn_machine
 from benchmarks.hidden_effects.oracle import TELLS, honest, told, told_apart
@@ -271,3 +271,18 @@ def test_an_effect_that_the_first_run_cannot_show_is_of_no_size():
     line = {"factors": [4.0, 1.0, 0.5], "shows": 5.0}
     assert _sizes(line) == [4.0, 1.0, 0.5]
     assert _sizes({**line, "taught": [2.9, 0.0, 0.2]}) == [4.0, 0.0, 0.25]
+
+
+def test_a_size_is_found_by_a_first_run_whose_clock_is_its_own():
+    """Of seed 1388, whose loggers are begun anew for each run, no size could be found."""
+    rng = drawn_anew("clocks of runs")
+    late = rng.uniform(-8e-4, 8e-4, 2)
+    case = dataclasses.replace(drawn(5, "none"), hidden=[])
+    noise = case.noise | {"fault": "clock", "at": "dR", "size": late}
+    case = dataclasses.replace(case, noise=noise, torque=np.repeat(case.torque[:1], 2, axis=0))
+    out = np.cumsum(rng.normal(size=(400, 9 + case.machine.wheels)), axis=0)
+    tops = np.ones(out.shape[1])
+    first, second = (sensed(case, out, [], tops, run) for run in range(2))
+    short = dataclasses.replace(case, torque=case.torque[:1])
+    np.testing.assert_array_equal(sensed(short, out, [], tops, 0), first)
+    assert np.abs(first - second).max() > 0

@@ -190,8 +190,8 @@ def sensed(
             out = h.limit(out, x, tops)
     if case.noise["fault"] == "clock":
         columns = columns_of(case.noise["at"], case.machine.wheels)
-        late = np.broadcast_to(case.noise["size"], len(case.torque))[run]
-        out = shifted(out, columns, float(late))
+        late = np.atleast_1d(case.noise["size"])  # of all runs, or of each
+        out = shifted(out, columns, float(late[run if len(late) > 1 else 0]))
     return out
 
 
