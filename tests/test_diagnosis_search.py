@@ -16,6 +16,7 @@ from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
 from omnijax.diagnosis._answered import _with_samples_back
 from omnijax.diagnosis._search import refits, search
 from omnijax.diagnosis._search.fit import Fit, refit
+from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.model import free_numbers, friction_width, with_width
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
@@ -816,6 +817,50 @@ def test_of_nearly_equal_lines_of_a_name_each_is_refitted():
     assert other.gain > EQUAL_GAIN * best.gain
     (trial,) = search.trials(fit, scan)
     assert trial.effect.values["order"] == pytest.approx(7.3, abs=0.01)
+
+
+def test_of_lines_that_fitted_runs_tell_as_well_the_one_is_taken_that_held_out_runs_show():
+    """What explains the fitted runs less well is none of them, whatever held-out runs show."""
+    rng, model = drawn_anew("told as well"), Lines((7.33, 11.0))
+    search, margin = Search(model), model.settings.equal_margin
+    costs = 100 + np.array([0.0, *rng.uniform(0, margin, 2), margin + 1])
+    gains = np.array([0.0, *rng.uniform(1, 9, 2), 99.0])
+    trials = [
+        Trial(Effect("motor-ripple", "shaft", {"order": float(k)}),
+              SimpleNamespace(cost=cost), 0.0, HeldOut(gain, 1.0))
+        for k, (cost, gain) in enumerate(zip(costs, gains, strict=True))
+    ]  # fmt: skip
+    drawn = [trials[k] for k in rng.permutation(4)]
+    taken = search.of_equals(drawn)
+    assert taken is trials[1 + int(np.argmax(gains[1:3]))]
+    assert search.left_open == {"motor-ripple@shaft": 3}
+    assert search.of_equals(trials[3:]) is trials[3] and search.left_open.popitem()[1] == 3
+
+
+@pytest.mark.parametrize("misled", [True, False])
+def test_lines_that_held_out_runs_do_not_show_as_foretold_are_chosen_anew(misled):
+    """Only then, or beside a line that is there: where the first stands it costs nothing."""
+    rng, asked = drawn_anew("anew"), []
+    search = Search(Lines((7.33, 11.0)))
+    fit = refit(search.model, Point(np.zeros(1)), relative=0.01)
+    start = 7.3 if not misled else float(rng.uniform(8.5, 9.5))
+    values = {"order": start, "amplitude": 0.1, "phase": 0.4}
+    right = values | {"order": 7.3, "amplitude": 0.2}
+
+    def with_lines(fit, id, place, more):
+        asked.append((id, place))
+        return [fit.point.with_effects(Effect(id, place, x)) for x in (right, values)]
+
+    search.model.with_lines = with_lines  # pyright: ignore
+    (before,) = search.model.residuals([fit.point], "held-out")
+    point = fit.point.with_effects(Effect("motor-ripple", "shaft", values))
+    first = search.refits.try_out(fit, Start(point, 0.0), before)
+    assert search.as_foretold(first) != misled
+    more = search.lines_anew(fit, [first], before, first.fit.cost)
+    assert bool(asked) == misled == bool(more)
+    if misled:
+        assert more[0].effect.values["order"] == pytest.approx(7.3, abs=0.05)
+        assert search.of_equals([first, *more]) is more[0]
 
 
 def test_a_search_ends_at_its_budget():

@@ -32,7 +32,7 @@ ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas
     # the series of phi functions, and where it serves; tables kept
     "_machine/_elastic/modes.py": {1e-3, 3, 24, 120, "KEPT"},
     "_machine/machine.py": {"LINEAR", "READINGS", "TABLES"},
-    "_machine/_where/orders.py": {"TOGETHER"},
+    "_machine/_where/shaft_lines.py": {"TOGETHER"},
     "_machine/_preparation/outliers.py": {5},  # times that are printed
     "_machine/_candidates/recipes.py": {1.5},  # of P2
     "_machine/rig_model.py": {"TOGETHER"},

@@ -31,6 +31,7 @@ from ._answer import (
 from ._search import (
     Explored,
     Fit,
+    HeldOut,
     Point,
     Search,
     SearchPath,
@@ -328,6 +329,9 @@ def _beside_doubt(
     (left,) = model.residuals([point], "held-out")
     last = evidence.columns(left, "held-out")
     changing = _unsteady_at(evidence, outcome.fit, point)
+    without = model.residuals([less.point for less, _ in outcome.alone.values()], "held-out")
+    shows = {i: HeldOut.of(x, left) for i, x in zip(outcome.alone, without, strict=True)}
+    outcome = dataclasses.replace(outcome, shows=shows)
     again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing, bent)
     return judged if again.verdict == "unknown" else _granting(again)
 

@@ -215,6 +215,7 @@ def notes(
         "plainer law is named."
         for name, wider in (outcome.wider.items() if known else ())
     ]
+    said += lines_left_open(evidence, outcome) if known else []
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model since it "
@@ -231,6 +232,16 @@ def notes(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+def lines_left_open(evidence: AbstractEvidence, outcome: SearchResult) -> list[str]:
+    """Which effects' lines the fitted runs tell no better than others, so that others told them."""
+    who = JUDGES[evidence.confirmed_on].name
+    return [
+        f"The fitted runs tell {count} orders, or sets of them, of {name} equally well: the one is "
+        f"told of which {who} show most, so its numbers are not confirmed by these as its name is."
+        for name, count in outcome.left_open.items()
+    ]
 
 
 def _best_known(outcome: SearchResult, judged: Verdict) -> list[str]:

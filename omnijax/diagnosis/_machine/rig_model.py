@@ -32,6 +32,7 @@ from ._preparation import by_parts, readmitted, said_of_outliers, split_runs, wi
 from ._signatures import Linearisation, base_of, signatures
 from ._where import strongest_orders
 from .clocks import READ_LATE, beside_mean, clock_priors, with_clocks
+from .lines_together import points_with_lines
 from .machine import Machine
 from .own_clocks import fit_clocks
 from .runs import COARSE, FINE, STEPS, Run, with_noise
@@ -430,15 +431,28 @@ class RigModel(AbstractModel):
     ) -> dict[str, dict[str, tuple[list[float], int]]]:
         """By law and wheel the orders that stand out in what is left of the train runs."""
         (rest,) = self.residuals([point], "train")
-        parts = list(self._by_run(rest, self.splits["train"]))
+        rows, left = self.of_rotation(rest, "train")
+        beside = None if taken is None else self.rotation_taken(taken)
+        orders = strongest_orders(self._bases, left, rows, beside)
+        return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in orders.items()}
+
+    def of_rotation(self, rest: np.ndarray, split: str) -> tuple[list[DataRows], list[np.ndarray]]:
+        """By run of a split its rows, and the part (samples, 3 + n) of `rest` in the rotation's.
+
+        Such that its inner products with white lines are those of `rest` with whitened ones.
+        """
+        parts = list(self._by_run(rest, self.splits[split]))
         rows, left = [r for r, _ in parts], [np.array(r.split(own)[1]) for r, own in parts]
         for r, own in zip(rows, left, strict=True):  # W x . s, for x . W s of lines that are white
             r.bleach_rotation(own.reshape(1, -1))
-        beside = None
-        if taken is not None:
-            beside = [own[r.elastic.size :] for r, own in self._by_run(taken, self.splits["train"])]
-        orders = strongest_orders(self._bases, left, rows, beside)
-        return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in orders.items()}
+        return rows, left
+
+    def rotation_taken(self, taken: np.ndarray) -> list[np.ndarray]:
+        """By fitted run the part of directions (train rows, k) in the rows of the rotation."""
+        return [own[r.elastic.size :] for r, own in self._by_run(taken, self.splits["train"])]
+
+    def with_lines(self, fit, id, place, more=1):
+        return points_with_lines(self, fit, id, place, more)
 
     @functools.cached_property
     def _tops(self) -> dict[str, float]:

@@ -7,6 +7,8 @@ covariance of what is left there is I + J C J', not I.  chi2 with that covarianc
 Source: the normal law's predictive distribution (Gelman and others, Bayesian Data Analysis, 14.3).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -21,13 +23,55 @@ ROUNDS = SETTINGS.doubt.rounds
 SETTLED_SIGMAS = SETTINGS.doubt.settled_sigmas
 
 
+class Foretold(NamedTuple):
+    """The point within what a fit leaves open that foretells the held-out runs best.
+
+    `cost` is |r|^2 + |s|^2 there, s the way from the fit in its own sigmas; `asked` the part of it
+    along the tangents of its `numbers`.
+    """
+
+    point: Point
+    cost: float
+    asked: float
+    numbers: int
+
+    @property
+    def granted(self) -> bool:
+        """Whether held-out runs ask for no more than the fit leaves open."""
+        return self.asked < float(chdtri(self.numbers, CHANCE))
+
+
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
     """The point within what a `fit` leaves open that foretells held-out runs best.
 
-    None where they ask for more than it leaves open, or where nothing is uncertain.  A fit that
-    misses the fitted runs by far leaves nothing open: its numbers stand for what is missing.  The
-    numbers of effects are open too: of an order, which a short run tells badly, a longer one shows
-    it.  Where a number bends what is foretold, its tangents are taken anew about the point.
+    None where they ask for more than it leaves open, or where nothing is uncertain.
+    """
+    told = foretold(model, fit)
+    return told.point if told is not None and told.granted else None
+
+
+def shown_within_doubt(model: AbstractModel, less: Fit, fit: Fit) -> float:
+    """By how much better held-out runs are foretold by a fit than by `less`, which lacks an effect.
+
+    Each within what it leaves open.  Where the fitted runs tell an effect's numbers badly, what
+    they foretell is badly told too, and no share of it says whether the effect is there.  Minus
+    infinity where the fit does not foretell them.
+    """
+    own = foretold(model, fit)
+    if own is None or not own.granted:
+        return -np.inf
+    other = foretold(model, less)
+    (left,) = model.residuals([less.point], "held-out")
+    return (float(left @ left) if other is None else other.cost) - own.cost
+
+
+def foretold(model: AbstractModel, fit: Fit) -> Foretold | None:
+    """What a fit foretells of held-out runs within what it leaves open.
+
+    None where nothing is uncertain.  A fit that misses the fitted runs by far leaves nothing open:
+    its numbers stand for what is missing.  The numbers of effects are open too: of an order, which
+    a short run tells badly, a longer one shows it.  Where a number bends what is foretold, its
+    tangents are taken anew about the point.
     """
     if fit.chi2 > SCANNED_COST * model.dof("train") or fit.covariance.size == 0:
         return None
@@ -36,21 +80,31 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
         return None
     state = FitState(fit.point, fit.free, fit.residual, fit.cost)
     x, (low, high), count = numbers(state), bounds(model, fit.free), len(fit.point.u)
-    point, step, asked = fit.point, np.zeros(root.shape[1]), np.inf
+
+    def at(step: np.ndarray) -> Point:
+        there = np.clip(x + root @ step, low, high)
+        return moved(fit.point, there[:count], fit.free, there[count:])
+
+    kept, least, asked = np.zeros(root.shape[1]), np.inf, np.inf
+    step = kept
     for _ in range(ROUNDS):
-        (here,) = model.residuals([point], "held-out")
-        J = tangent_rows(model, point, fit.free, here, split="held-out") @ root
+        (here,) = model.residuals([at(step)], "held-out")
+        cost = float(here @ here + step @ step)
+        if not cost < least:  # too far for its tangents
+            step = (kept + step) / 2
+            continue
+        settled = np.isfinite(least) and np.linalg.norm(step - kept) < SETTLED_SIGMAS
+        kept, least = step, cost
+        if settled:
+            break
+        J = tangent_rows(model, at(step), fit.free, here, split="held-out") @ root
         if not np.all(np.isfinite(J)):
             return None
         left, s, right = np.linalg.svd(J, full_matrices=False)
         along = left.T @ (here - J @ step)  # of the variance 1 + s^2
-        asked, last = float(np.sum(along**2 / (1 + s**2))), step
+        asked = float(np.sum(along**2 / (1 + s**2)))
         step = -right.T @ (s / (1 + s**2) * along)
-        there = np.clip(x + root @ step, low, high)
-        point = moved(fit.point, there[:count], fit.free, there[count:])
-        if np.linalg.norm(step - last) < SETTLED_SIGMAS:
-            break
-    return point if asked < chdtri(len(step), CHANCE) else None
+    return Foretold(at(kept), least, asked, len(kept))
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:

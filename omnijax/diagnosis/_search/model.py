@@ -259,6 +259,13 @@ class AbstractModel(abc.ABC):
         """A point at which a refit with the same laws ended before, or the point itself."""
         return point
 
+    def with_lines(self, fit, id: str, place: str, more: int = 1) -> list[Point]:
+        """Points with `more` lines of a law at a place than a fit has, all lines there anew.
+
+        All that the fitted runs tell as well; new effects stand last.  None by default.
+        """
+        return []
+
     def foretold(self, point: Point) -> list[Point]:
         """Points with one effect more at which refits ended before, which are tried first."""
         return []

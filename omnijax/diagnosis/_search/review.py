@@ -12,6 +12,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 from .candidates import strengths
+from .doubt import shown_within_doubt
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
@@ -105,7 +106,7 @@ class Review:
         An effect of an earlier search was confirmed under that search's noise; under the present
         noise the held-out runs may fit better without it.
         """
-        if less.cost - fit.cost < self.settings.margin:
+        if less.cost - fit.cost < self.settings.margin and not self._shown(less, fit):
             return "the fitted runs do without it"
         if not self._matters(less, fit, baseline):
             return f"it moves no output group's RMS by {100 * self.settings.material_change:g} %"
@@ -114,6 +115,10 @@ class Review:
         if self.model.as_noise(less, fit, effect):
             return "noise of its channel explains as much"
         return ""
+
+    def _shown(self, less: Fit, fit: Fit) -> bool:
+        """Whether held-out runs show within doubt what `less` lacks of a fit."""
+        return shown_within_doubt(self.model, less, fit) >= self.settings.margin
 
     def _refused(self, less: Fit, fit: Fit) -> bool:
         """Whether held-out runs are better foretold by `less`, which has an effect less."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 from .candidates import Candidate
+from .doubt import foretold, shown_within_doubt
 from .fit import Fit, refit
 from .held_out import HeldOut, Trial
 from .in_ranges import at_ends, scored_in_ranges
@@ -21,7 +22,9 @@ from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, beside_taken, chance, taken_up
 from .starts import (
+    AS_FORETOLD,
     NAME_GAIN,
+    TOGETHER,
     Start,
     at_finite_strength,
     beside_waves,
@@ -45,7 +48,8 @@ class SearchResult:
     `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs, `shows`
     what these show of the change that the effect makes, `signatures` those of the last scan,
     `left_out` by name why an effect that was accepted is not in the fit, `wider` by name the laws
-    that an effect is a limit of and that explain the runs as well.
+    that an effect is a limit of and that explain the runs as well, `left_open` by name how many
+    lines, or sets of them, do.
     """
 
     baseline: Fit
@@ -63,6 +67,7 @@ class SearchResult:
     shows: dict[int, HeldOut] = dataclasses.field(default_factory=dict)
     left_out: dict[str, str] = dataclasses.field(default_factory=dict)
     wider: dict[str, list[str]] = dataclasses.field(default_factory=dict)
+    left_open: dict[str, int] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +129,8 @@ class Search:
     ):
         self.model, self.tell, self.who, self.refits = model, tell, who, Refits(model)
         self.settings, model.tell = model.settings, tell
+        # by name how many lines, or sets of them, the fitted runs tell as well
+        self.left_open: dict[str, int] = {}
         self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
     def run(self, start: Point | None = None) -> SearchResult:
@@ -192,6 +199,7 @@ class Search:
             {i: HeldOut.of(before, after) for i, before in without.items()},
             {name: why for name, why in reviewed.left_out.items() if name not in kept},
             {name: laws for name, laws in reviewed.wider.items() if laws and name in kept},
+            {name: count for name, count in self.left_open.items() if name in kept},
         )
 
     def follow(self, way: SearchPath) -> SearchPath:
@@ -248,10 +256,15 @@ class Search:
         while True:
             alone = list(self.without(_less(fit.point)))
             k = min(range(len(alone)), key=lambda i: alone[i].cost)
-            if len(alone) == 1 or alone[k].cost - fit.cost >= self.settings.margin:
+            needed = alone[k].cost - fit.cost >= self.settings.margin
+            if len(alone) == 1 or needed or self.shown(alone[k], fit):
                 return fit, alone
             self.tell(f"{fit.point.effects[k].name} is not needed: the fitted runs do without it")
             fit = self.refits.settle(alone[k])
+
+    def shown(self, less: Fit, fit: Fit) -> bool:
+        """Whether held-out runs show within doubt what `less` lacks of a fit."""
+        return shown_within_doubt(self.model, less, fit) >= self.settings.margin
 
     def without(self, points: Iterable[Point]) -> Iterator[Fit]:
         """Refits from points that lack effects, each as it is asked for."""
@@ -282,7 +295,10 @@ class Search:
         for less in others:
             gain = less.cost - fit.cost
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
-            if gain < least or not held.confirms(gain, self.settings):
+            if gain >= least and held.confirms(gain, self.settings):
+                continue
+            shown = shown_within_doubt(self.model, less, fit)
+            if shown < self.settings.margin or gain + shown < least:
                 return False
         return True
 
@@ -410,7 +426,8 @@ class Search:
                     break  # the first, of as large a tangent as its others, is no rival of the best
                 self.tell(f"refitting with {start.name}" + (f", line {k + 1}" if k else ""))
                 alike.append(self.refits.try_out(fit, begin, before, least, openings))
-            trial = min(alike, key=lambda t: t.fit.cost)
+            alike += self.lines_anew(fit, alike, before, least)
+            trial = self.of_equals(alike)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}; {self.who} gain "
                 f"{trial.held.gain:.0f}, share {trial.held.multiplier:.2f}"
@@ -425,6 +442,74 @@ class Search:
         if not all(self.little(fit, t) for t in trials):
             trials = self.refits.with_widths(fit, trials, before)
         return self.ranked(fit, trials)
+
+    def lines_anew(
+        self, fit: Fit, alike: list[Trial], before: np.ndarray, least: float
+    ) -> list[Trial]:
+        """Trials of a law's lines at a place chosen together, where `alike` may hold wrong ones.
+
+        So they may where there is more than one, and where held-out runs do not show what the best
+        foretells.  Two at once, where no single one does and they explain most of the gap.  Until
+        one leaves noise there that explains the fitted runs as well as any.
+        """
+        best = min(alike, key=lambda t: t.fit.cost)
+        new, out = best.effect, []
+        several = any(e.name == new.name for e in fit.point.effects)
+        behind = fit.cost - best.fit.cost < NAME_GAIN * (fit.cost - least)
+        if behind or (self.as_foretold(best) and not several):
+            return []
+        most = best.gain > self.settings.trusted_closed * (fit.chi2 - self.model.dof("train"))
+        self.tell(f"choosing the lines of {new.name} together")
+        for more in (1, 2) if most and not several else (1,):
+            for k, point in enumerate(self.model.with_lines(fit, new.id, new.place, more)):
+                if self.model.spent or k == TOGETHER:
+                    break
+                self.tell(f"refitting with {more} more of the lines of {new.name}, set {k + 1}")
+                trial = self.refits.try_out(fit, Start(point, 0.0), before, least)
+                out.append(self.granted(trial, before))
+                if self.foretells(out[-1], before) and out[-1] in self.equals([*alike, *out]):
+                    return out
+        return out
+
+    def foretells(self, trial: Trial, before: np.ndarray) -> bool:
+        """Whether a trial leaves noise of the held-out runs, of which `before` is left without."""
+        n = self.model.dof("held-out")
+        left = float(before @ before) - trial.held.gain
+        return trial.accepted and left < n + self.settings.noise_sigmas * np.sqrt(2 * n)
+
+    def granted(self, trial: Trial, before: np.ndarray) -> Trial:
+        """The trial as held-out runs see it within what its fit leaves open, where it foretells
+        them so; what that is worth has to exceed what it costs."""
+        if self.foretells(trial, before):
+            return trial
+        told = foretold(self.model, trial.fit)
+        if told is None or not told.granted:
+            return trial
+        if float(before @ before) - told.cost < self.settings.margin:
+            return trial
+        held = HeldOut.of(before, residual_of(self.model, told.point, "held-out"))
+        return dataclasses.replace(trial, held=held)
+
+    def as_foretold(self, trial: Trial) -> bool:
+        """Whether held-out runs show the change that a trial foretells, at its size."""
+        off = abs(trial.held.multiplier - 1)
+        return trial.accepted and off < AS_FORETOLD * trial.held.error(trial.gain)
+
+    def equals(self, alike: list[Trial]) -> list[Trial]:
+        """Those of some trials that the fitted runs tell as well as the best one."""
+        least = min(t.fit.cost for t in alike)
+        return [t for t in alike if t.fit.cost - least < self.settings.equal_margin]
+
+    def of_equals(self, alike: list[Trial]) -> Trial:
+        """The trial of a law's lines that the fitted runs tell best.
+
+        Where several are told as well, the one of them that held-out runs show most of.
+        """
+        equals = self.equals(alike)
+        trial = max(equals, key=lambda t: np.nan_to_num(t.held.gain, nan=-np.inf))
+        if len(equals) > 1:
+            self.left_open[trial.effect.name] = len(equals)
+        return trial
 
     def has(self, fit: Fit, new: Candidate | Effect) -> bool:
         """Whether a fit holds what is new already."""

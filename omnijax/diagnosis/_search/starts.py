@@ -23,6 +23,8 @@ LINES = {"order", "frequency"}  # numbers of a line
 EQUAL_GAIN = SETTINGS.starts.equal_gain
 OTHER_LINES = SETTINGS.starts.other_lines
 NAME_GAIN = SETTINGS.starts.name_gain
+TOGETHER = SETTINGS.starts.together
+AS_FORETOLD = SETTINGS.starts.as_foretold
 HALVINGS = SETTINGS.starts.halvings
 
 

@@ -79,7 +79,13 @@ from .gaps import (
     SteadinessSettings,
     WhereSettings,
 )
-from .machine import ClocksSettings, LocateSettings, RigModelSettings, RigOrdersSettings
+from .machine import (
+    ClocksSettings,
+    LineSetsSettings,
+    LocateSettings,
+    RigModelSettings,
+    RigOrdersSettings,
+)
 from .machine_noise import (
     DataVectorSettings,
     EncodersSettings,
@@ -140,6 +146,7 @@ class Settings:
     clocks: ClocksSettings = field(default_factory=ClocksSettings)
     locate: LocateSettings = field(default_factory=LocateSettings)
     rig_orders: RigOrdersSettings = field(default_factory=RigOrdersSettings)
+    line_sets: LineSetsSettings = field(default_factory=LineSetsSettings)
     rig_model: RigModelSettings = field(default_factory=RigModelSettings)
     data_vector: DataVectorSettings = field(default_factory=DataVectorSettings)
     encoders: EncodersSettings = field(default_factory=EncodersSettings)

@@ -46,6 +46,10 @@ class StartsSettings:
     other_lines: int = 7
     # share of the best refit's gain from which the others of a name are refitted: time
     name_gain: float = 0.9
+    together: int = 8  # sets of lines of one name that are refitted: time
+    # errors of what held-out runs show of a line, up to which it is as foretold: chosen (a wrong
+    # order passes it as often as three sigma say)
+    as_foretold: float = 3.0
     # of the distance between limits or times that are tried: time (3 leave a tenth of it)
     halvings: int = 3
 

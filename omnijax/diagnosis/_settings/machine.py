@@ -60,6 +60,26 @@ class RigOrdersSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class LineSetsSettings:
+    """Lines of one law on one shaft that are chosen together."""
+
+    # samples times orders up to which all orders are weighed: time (some 1 s of CPU)
+    all_weighed: float = 1e7
+    weighed: int = 256  # orders that are weighed of more: time
+    alike: int = 64  # single lines that are refined: measured (some 50 explain runs as well)
+    words: int = 768  # lines of which sets are made: time (some 1 s of CPU)
+    beam: int = 32  # sets that are made larger: time
+    partners: int = 8  # lines by which each of them is: time
+    # sets of all lines that are refined one order after the other: measured (a line of 60 sigma
+    # loses 144 of chi2 between orders of the scan; of 30 pairs 28 are found, with half as many 26)
+    rough: int = 128
+    best: int = 48  # of them, all orders together: time
+    newton: int = 4  # steps of all orders together, of halves of a length: measured (to 1 in chi2)
+    # quarters of the travel's resolution between two lines: chosen (half of it)
+    apart: float = 2.0
+
+
+@dataclasses.dataclass(frozen=True)
 class RigModelSettings:
     """The sphere on wheels as a model of the diagnosis."""
 

@@ -9,25 +9,33 @@ of the wave over the angle in between: a line may pass half the sampling rate wh
 fast.  What it changes in all is computed at some of the samples, and in full for the best.  It
 counts less what the model's own numbers would take up of it: where a wheel turns little or slowly
 they take up most of many a line, and a wrong order had stood above the right one.
-
-A torque on one shaft turns the sphere about nearly the same axis all the time: the sums over time
-are of that one number a sample, and what the rows hold follows from it.  So do all inner products:
-the rows themselves, several times as many, are never made.
 """
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ..._orthonormal import orthonormal
 from ..._settings import SETTINGS
 from ..._threads import each
 from .._noise import DataRows
-from .._signatures import THIN, Linearisation
-from ..runs import FINE
+from .._signatures import Linearisation
+from .shaft_lines import (
+    LAWS,
+    TOGETHER,
+    TorquesShown,
+    axes_of,
+    explained,
+    factors_of,
+    gains_of,
+    left_beside,
+    passing,
+    rates_of,
+    shaft_runs,
+    strengths_of,
+    windows_of,
+)
 
 GRID = SETTINGS.rig_orders.grid
 FINER = SETTINGS.rig_orders.finer
@@ -38,17 +46,13 @@ SPARSE = SETTINGS.rig_orders.sparse
 LOWEST_ORDER = SETTINGS.rig_orders.lowest_order
 USUAL_SPEED = SETTINGS.rig_orders.usual_speed
 FAST_SPEED = SETTINGS.rig_orders.fast_speed
-TOGETHER = 64  # orders computed at a time
 THINNED = SETTINGS.rig_orders.thinned
-LEAST_LEFT = SETTINGS.rig_orders.least_left
 LEAST_LEFT_THINNED = SETTINGS.rig_orders.least_left_thinned
 WEIGHED = SETTINGS.rig_orders.weighed
 REFINED_GAIN = SETTINGS.rig_orders.refined_gain
 MOST_REFINED = SETTINGS.rig_orders.most_refined
 SLOWEST_WHEEL = SETTINGS.rig_orders.slowest_wheel
 FEWEST_ORDERS = SETTINGS.rig_orders.fewest_orders
-MAIN_DIRECTION = SETTINGS.rig_orders.main_direction
-LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
 
@@ -72,23 +76,23 @@ def strongest_orders(
 
 def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float], int]]:
     """By law the orders of wheel `k`, and of how many."""
-    grid = _grid(bases, k)
+    grid = order_grid(bases, k)
     step, out = grid[1] - grid[0], {}
-    seen = _shaft_runs(bases, rests, rows, taken, k)
-    for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
-        some = np.array(_promising(grid, first, FINER * step))
-        gains_of = functools.partial(_gains, seen, law)
-        gains = gains_of(some)
+    seen = shaft_runs(bases, rests, rows, taken, k)
+    for law, first in zip(LAWS, estimated(bases, rests, rows, taken, k, grid), strict=True):
+        some = np.array(promising(grid, first, FINER * step))
+        gains_at = functools.partial(gains_of, seen, law)
+        gains = gains_at(some)
         order = np.argsort(gains)[::-1]
         nearly = np.count_nonzero(gains > REFINED_GAIN * gains.max())
         picked = order[: min(max(PEAKS, nearly), MOST_REFINED)]
-        fine = _refined(some[picked], gains[picked], step / FINER, gains_of)
-        out[law] = _peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)
+        fine = refined(some[picked], gains[picked], step / FINER, gains_at)
+        out[law] = peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)
     return out
 
 
-def _refined(
-    orders: np.ndarray, gains: np.ndarray, step: float, gains_of: Callable[[np.ndarray], np.ndarray]
+def refined(
+    orders: np.ndarray, gains: np.ndarray, step: float, gains_at: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The best order about each of `orders`, and its gain: of a parabola through neighbours.
 
@@ -97,9 +101,9 @@ def _refined(
     parabola that goes on beyond its points may miss by more than it gains.
     """
     near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST_ORDER)
-    left, right = gains_of(near.ravel()).reshape(near.shape).T
+    left, right = gains_at(near.ravel()).reshape(near.shape).T
     up, down = right > np.maximum(gains, left), left > np.maximum(gains, right)
-    beyond = gains_of(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST_ORDER))
+    beyond = gains_at(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST_ORDER))
     middle = np.maximum(orders + (up.astype(float) - down) * step, LOWEST_ORDER)
     left, gains, right = (
         np.where(up, gains, np.where(down, beyond, left)),
@@ -113,8 +117,8 @@ def _refined(
     return np.maximum(middle + way * step, LOWEST_ORDER), gains + way * rise + way**2 * bent / 2
 
 
-def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.ndarray]:
-    """By law `_gains` over an even `grid`, the sizes of lines from `THINNED` samples.
+def estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.ndarray]:
+    """By law `gains_of` over an even `grid`, the sizes of lines from `THINNED` samples.
 
     The higher an order, the less of it the model's own numbers take up: what is left of a line
     changes slowly there, and is the same of its cosine and its sine.
@@ -127,7 +131,7 @@ def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.n
     own += sum(few.T @ few - way.T @ way for few, way in zip(thinned, taken, strict=True))
     left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), k)
     dense = _dense(grid)
-    gains = [_explained(*x) for x in zip(left(grid[:dense]), right[:, :dense], strict=True)]
+    gains = [explained(*x) for x in zip(left(grid[:dense]), right[:, :dense], strict=True)]
     if dense == len(grid):
         return gains
     some, out = grid[dense::SPARSE], []
@@ -142,7 +146,7 @@ def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.n
 def _thinly_left(
     bases, rows, thinned, root, k: int, grid: np.ndarray, together: int = TOGETHER
 ) -> list[np.ndarray]:
-    """By law `_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
+    """By law `left_beside` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
 
     `thinned` are the directions there, `root` the Cholesky factor of their inner products.  The
     mean between samples is that of the middle of orders `together`.
@@ -153,7 +157,7 @@ def _thinly_left(
         size, part = _sizes(base, r, few, k, grid, together)
         gram, inside = gram + size, inside + part
     inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, -1, -2)), -1, -2)
-    return [_left(*x, LEAST_LEFT_THINNED) for x in zip(gram, inside, strict=True)]
+    return [left_beside(*x, LEAST_LEFT_THINNED) for x in zip(gram, inside, strict=True)]
 
 
 def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
@@ -178,15 +182,15 @@ def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray,
     Waves are in single precision: they tell which lines are looked at closely, no more.
     """
     h, samples = base.run.step, rows.samples // THINNED * THINNED
-    strength, ways = _strengths(base, k)
-    torques = np.concatenate([f[:, None] * strength for f in _factors(base, k)], axis=1)[:samples]
+    strength, ways = strengths_of(base, k)
+    torques = np.concatenate([f[:, None] * strength for f in factors_of(base, k)], axis=1)[:samples]
     torques = torques.reshape(-1, THINNED, torques.shape[1]).astype(np.float32)
-    axes = _axes(base)
+    axes = axes_of(base)
     axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
-    theta, passed = (x[:samples] for x in _passing(base, k))
+    theta, passed = (x[:samples] for x in passing(base, k))
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
-    shown = _Shown.of(ways, axes, (h, h * THINNED), weight, _thinned_windows(rows, keep))
+    shown = TorquesShown.of(ways, axes, (h, h * THINNED), weight, _thinned_windows(rows, keep))
     own = shown.along(taken)
     block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
     block = block.astype(np.complex64)
@@ -207,7 +211,7 @@ def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray,
 def _thinned_windows(rows: DataRows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
     """The nuisance directions of the rotation rows at the samples `keep` alone."""
     width, out = rows.rotation.shape[1], []
-    for part, q in _windows(rows):
+    for part, q in windows_of(rows):
         begin, end = part.start // width, part.stop // width
         inside = np.flatnonzero((keep >= begin) & (keep < end))
         if len(inside):
@@ -221,211 +225,27 @@ def _in_common(base: Linearisation, rest, rows: DataRows, k: int, grid: np.ndarr
     """Inner products (laws, orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
     h = base.run.step
     left = rest.ravel().copy()
-    for part, q in _windows(rows):
+    for part, q in windows_of(rows):
         left[part] -= q @ (left[part] @ q)
     left = left.reshape(rest.shape) * rows.rotation
-    axes = _axes(base)
+    axes = axes_of(base)
     rolled = h * np.cumsum(left[::-1, 3:], axis=0)[::-1]
     every = np.broadcast_to(axes, (len(left), *axes.shape[1:]))
     turned = left[:, :3] + np.einsum("tij,ti->tj", every, rolled)
     series = h * np.cumsum(turned[::-1], axis=0)[::-1]
-    series = np.sum(series * _rates(base, k), axis=1)
-    theta, passed = _passing(base, k)
+    series = np.sum(series * rates_of(base, k), axis=1)
+    theta, passed = passing(base, k)
     block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
     middle = grid[np.minimum(np.arange(0, len(grid), TOGETHER) + TOGETHER // 2, len(grid) - 1)]
     begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * np.sinc(np.outer(passed, middle))
     out = []
-    for factor in _factors(base, k):
+    for factor in factors_of(base, k):
         products = (block @ (begin * (factor * series)[:, None])).T.ravel()[: len(grid)]
         out.append(np.stack([np.real(products), np.imag(products)], axis=1))
     return np.stack(out)
 
 
-class _ShaftRun(NamedTuple):
-    """A run under torques on one shaft: how they show, and what is left and taken up of that."""
-
-    angle: np.ndarray  # (samples,) rad, and turns a sample: `_passing`
-    passed: np.ndarray
-    pushes: dict[str, np.ndarray]  # by law accelerations (samples, m) by a unit line
-    shown: "_Shown"
-    along: np.ndarray  # (sums, 1 + k) of what is left, and of the directions taken up
-
-    def pushed(self, law: str, orders: np.ndarray) -> np.ndarray:
-        """Accelerations (orders, samples, m) along the directions by lines of a law."""
-        wave = np.exp(1j * orders[:, None] * self.angle) * np.sinc(orders[:, None] * self.passed)
-        return wave[:, :, None] * self.pushes[law]
-
-
-def _shaft_runs(bases, rests, rows, taken, k: int) -> list[_ShaftRun]:
-    """What torques on the shaft of wheel `k` show in every base's run."""
-    out = []
-    for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
-        h, (strength, ways) = base.run.step, _strengths(base, k)
-        shown = _Shown.of(ways, _axes(base), (h, h), r.rotation, _windows(r))
-        pushes = [factor[:, None] * strength for factor in _factors(base, k)]
-        along = shown.along(np.concatenate([rest.reshape(-1, 1), own], axis=1))
-        angle, passed = _passing(base, k)
-        out.append(_ShaftRun(angle, passed, dict(zip(LAWS, pushes, strict=True)), shown, along))
-    return out
-
-
-def _gains(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray) -> np.ndarray:
-    """Fall of chi-square by a line of each order, its cosine and sine free."""
-    gram, right, inside = _products(seen, law, orders)
-    return _explained(_left(gram, inside), right)
-
-
-def _left(gram, inside, least: float = LEAST_LEFT) -> np.ndarray:
-    """What is left of gram (orders, 2, 2) beside `inside` (orders, 2, k); `least` of it always."""
-    size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
-    left = (1 + least) * gram - inside @ np.swapaxes(inside, 1, 2)
-    return left + (1e-9 * size + 1e-300) * np.eye(2)
-
-
-def _explained(left, right) -> np.ndarray:
-    """right . left^-1 . right of every order, `left` (orders, 2, 2) and `right` (orders, 2)."""
-    return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
-
-
-def _products(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray):
-    """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2); with
-    the directions taken (.., 2, k)."""
-    gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
-    inside = np.zeros((len(orders), 2, seen[0].along.shape[1] - 1))
-    for x in seen:
-        for first in range(0, len(orders), TOGETHER):
-            part = slice(first, first + TOGETHER)
-            size, along = x.shown.products(x.pushed(law, orders[part]), x.along)
-            gram[part] += size
-            right[part] += along[..., 0]
-            inside[part] += along[..., 1:]
-    return gram, right, inside
-
-
-def _axes(base: Linearisation) -> np.ndarray:
-    """Axes about which the sphere turns, (samples or 1, n, 3)."""
-    axes = base.response.axes
-    return axes if len(axes) == 1 else axes[:: FINE // THIN]
-
-
-def _rates(base: Linearisation, k: int) -> np.ndarray:
-    """Acceleration (samples, 3) of the sphere by a torque on shaft `k`, rad/s^2 a N m."""
-    return base.response.rates[:: FINE // THIN, k]
-
-
-def _strengths(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """`_rates` as strengths (samples, m) along m directions (m, 3), without what is next to none.
-
-    About fixed axes one direction holds all but some 1e-6 of them.
-    """
-    left, sizes, ways = np.linalg.svd(_rates(base, k), full_matrices=False)
-    m = np.count_nonzero(sizes > MAIN_DIRECTION * sizes[0])
-    return left[:, :m] * sizes[:m], ways[:m]
-
-
-def _factors(base: Linearisation, k: int) -> list[np.ndarray]:
-    """By law what a line is multiplied by before every sample."""
-    torque = _before(base.torque[:, k])
-    return [torque if law == "current-ripple" else np.ones_like(torque) for law in LAWS]
-
-
-def _passing(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """(angle (samples,) rad of wheel `k` half a sample before each one, turns a sample there).
-
-    The mean of exp(i N theta) over the time between two samples is that of its middle times
-    sinc(N turns).
-    """
-    return _before(base.motion.theta[:, k]), (
-        _before(base.motion.speed[:, k]) * base.run.step / (2 * np.pi)
-    )
-
-
-def _before(values: np.ndarray) -> np.ndarray:
-    """Values (FINE points,) half a sample before each sample; the first as it is."""
-    return np.concatenate([values[:1], values[FINE // 2 :: FINE]])
-
-
-class _Shown(NamedTuple):
-    """How torques along some directions show in the whitened Omega and rolled lengths of a run.
-
-    Every entry of a row is a sum of few numbers of its sample, times weights: of the sphere's speed
-    along each direction, and of their rolled lengths (about axes that move, of the wheels').  These
-    numbers by sample are the sums of a torque.
-    """
-
-    ways: np.ndarray  # (m, 3) directions
-    axes: np.ndarray  # (1 or t, n, 3)
-    steps: tuple[float, float]  # s, between the sums of accelerations over samples, and of the rows
-    weights: np.ndarray  # (a, t, 3 + n)
-    squares: np.ndarray  # (a, a, t), sums of products of the weights
-    # nuisance directions: samples, products with the weights (a, samples, k), among the rows
-    windows: list[tuple[slice, np.ndarray, slice, np.ndarray]]
-
-    @staticmethod
-    def of(ways, axes, steps: tuple[float, float], weight: np.ndarray,
-           windows: Sequence[tuple[slice, np.ndarray]]) -> "_Shown":  # fmt: skip
-        """From the rows' `weight` (t, 3 + n) and their nuisance directions."""
-        lever = ways @ axes[0].T if len(axes) == 1 else np.eye(axes.shape[1])
-        weights = block_diag(ways, lever)[:, None] * weight
-        squares = np.einsum("atc,btc->abt", weights, weights)
-        width, parts = weight.shape[1], []
-        for part, q in windows:
-            at = slice(part.start // width, part.stop // width)
-            of_rows = q.reshape(at.stop - at.start, width, -1)
-            parts.append((at, np.einsum("atc,tck->atk", weights[:, at], of_rows), part, q))
-        return _Shown(ways, axes, steps, weights, squares, parts)
-
-    def along(self, rows: np.ndarray) -> np.ndarray:
-        """What makes inner products with rows (t (3 + n), k) of sums: (a t, k)."""
-        rows = np.array(rows)
-        for *_, part, q in self.windows:
-            rows[part] -= q @ (q.T @ rows[part])
-        rows = rows.reshape(*self.weights.shape[1:], rows.shape[1])
-        out = np.einsum("atc,tck->atk", self.weights, rows, optimize=True)
-        return out.reshape(out.shape[0] * out.shape[1], out.shape[2])
-
-    def sums(self, pushed: np.ndarray) -> np.ndarray:
-        """Sums (2 orders, a, t) of the cosine and the sine of each line.
-
-        `pushed` (orders, t, m) holds sums of accelerations along the directions over samples.
-        """
-        h, step = self.steps
-        orders, t, m = pushed.shape
-        both = np.stack([np.real(pushed), np.imag(pushed)], axis=1).reshape(2 * orders, t, m)
-        turned = h * np.cumsum(np.swapaxes(both, 1, 2), axis=2, dtype=float)
-        rates = turned
-        if len(self.axes) > 1:
-            rates = np.einsum("tij,mj,nmt->nit", self.axes, self.ways, turned, optimize=True)
-        return np.concatenate([turned, step * np.cumsum(rates, axis=2)], axis=1)
-
-    def products(self, pushed: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Inner products of each line's cosine and sine: (orders, 2, 2), and (orders, 2, k) with
-        the rows whose `along` (a t, k) is given."""
-        sums, count = self.sums(pushed), len(pushed)
-        _, a, t = sums.shape
-        weighed = np.zeros_like(sums)
-        for i, j in zip(*np.nonzero(self.squares.any(axis=2)), strict=True):
-            weighed[:, i] += sums[:, j] * self.squares[i, j]
-        flat = sums.reshape(2 * count, a * t)
-        pairs = flat.reshape(count, 2, a * t)
-        gram = weighed.reshape(count, 2, a * t) @ np.swapaxes(pairs, 1, 2)
-        for at, q, *_ in self.windows:
-            own = sum(sums[:, i, at] @ q[i] for i in range(a))
-            own = np.reshape(own, (count, 2, q.shape[2]))
-            gram -= own @ np.swapaxes(own, 1, 2)
-        return gram, (flat @ along).reshape(count, 2, along.shape[1])
-
-
-def _windows(rows: DataRows) -> list[tuple[slice, np.ndarray]]:
-    """The nuisance directions of the rotation rows, and where they stand among these alone."""
-    first = rows.elastic.size
-    return [
-        (slice(part.start - first, part.stop - first), q)
-        for part, q in rows.nuisance if part.start >= first
-    ]  # fmt: skip
-
-
-def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
+def order_grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     """Orders of wheel `k`: `LOWEST_ORDER` to half a turn of the wave a sample at a usual speed.
 
     Of the sparsely weighed ones, at nearly any speed: they are alike only where samples tell them.
@@ -449,20 +269,22 @@ def _dense(grid: np.ndarray) -> int:
     return DENSE if len(grid) > DENSE + SPARSE else len(grid)
 
 
-def _promising(grid: np.ndarray, gains: np.ndarray, apart: float) -> list[float]:
-    """`WEIGHED` orders by estimated gains: half of them of those that are weighed sparsely, if any.
+def promising(
+    grid: np.ndarray, gains: np.ndarray, apart: float, count: int = WEIGHED
+) -> list[float]:
+    """`count` orders by estimated gains: half of them of those that are weighed sparsely, if any.
 
     Estimates of these are less sure: samples `THINNED` apart may take a high line for a slow one,
     of next to no size, and all of them would stand above the right line of a low order.
     """
     dense = _dense(grid)
     if dense == len(grid):
-        return _peaks(grid, gains, WEIGHED, apart)
+        return peaks(grid, gains, count, apart)
     parts = slice(None, dense), slice(dense, None)
-    return [x for part in parts for x in _peaks(grid[part], gains[part], WEIGHED // 2, apart)]
+    return [x for part in parts for x in peaks(grid[part], gains[part], count // 2, apart)]
 
 
-def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:
+def peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:
     """The `count` best orders that lie `apart`."""
     kept: list[float] = []
     for j in np.argsort(gains)[::-1]:
