@@ -23,7 +23,7 @@ from omnijax.diagnosis._search import (
     to_project,
     within_doubt,
 )
-from omnijax.diagnosis._search.doubt import _covariance
+from omnijax.diagnosis._search.doubt import _covariance, shown_within_doubt
 from omnijax.diagnosis._search.waves import TOGETHER, TOLD, scanned
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
@@ -193,6 +193,45 @@ def test_a_fit_that_misses_the_fitted_runs_leaves_nothing_open():
 
     model = SmallModel(residual, [Prior("p", 0.0, 1e3, False)], {}, "all")
     assert within_doubt(model, refit(model, Point(np.zeros(1)))) is None
+
+
+@pytest.mark.parametrize("there", ["both", "one", "another"])
+def test_an_effect_whose_size_fitted_runs_tell_badly_is_shown_within_what_they_leave_open(there):
+    """Of two near lines of a cogging a short travel tells the sum alone: no share stands."""
+    rng, rows = drawn_anew(f"told badly {there}"), 1500
+    first, second, other = np.linalg.qr(rng.normal(size=(rows, 3)))[0].T
+    # sizes in sigma: where they are fitted the two waves are nearly one, elsewhere they are not
+    waves = {"train": (first, first + 0.05 * second), "held-out": (first, second)}
+    sizes = (60.0, 60.0 if there == "both" else 0.0)
+    data = {
+        split: rng.normal(size=rows) + sum(a * w for a, w in zip(sizes, some, strict=True))
+        for split, some in waves.items()
+    }
+    if there == "another":
+        data["held-out"] = data["held-out"] + 90 * other
+
+    def residual(_values, laws, split):
+        return data[split] - sum(
+            float(law.amplitude) * waves[split][int(law.order)] for law in laws
+        )
+
+    laws = {"motor-ripple": EFFECTS["motor-ripple"]}
+    model = SmallModel(residual, [], laws, "shaft")
+    model.frozen_keys = frozenset({"order", "phase"})
+    every = [Effect("motor-ripple", "shaft", {"order": float(k), "amplitude": 50.0, "phase": 0.0})
+             for k in range(2)]  # fmt: skip
+    start = Point(np.zeros(0))
+    fit, less = (refit(model, start.with_effects(*every[:n])) for n in (2, 1))
+    assert less.cost - fit.cost < 25 + 9 * 9 and np.sqrt(fit.covariance[1, 1]) > 15
+    shown = shown_within_doubt(model, less, fit)
+    if there == "both":
+        assert shown > 0.5 * 60**2
+    elif there == "one":
+        assert shown < 25
+    else:
+        (left,) = model.residuals([fit.point], "held-out")
+        assert left @ left > rows + 0.8 * 90**2  # which no size of the two takes up
+        assert shown < 25
 
 
 def test_noise_of_a_colour_leaves_open_what_it_may_have_moved():
