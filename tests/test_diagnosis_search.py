@@ -277,6 +277,40 @@ def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
     assert 0.5 * SETTINGS.search.equal_margin < costs[1] - costs[0] < SETTINGS.search.equal_margin
 
 
+class Sided(Twin):
+    """The same torque in the fitted runs, and less of it in the held-out ones."""
+
+    id: ClassVar[str] = "sided"
+
+
+@pytest.mark.parametrize("first", ["sided", "bearing-coulomb"])
+@pytest.mark.parametrize("begun", ["sided", "nothing"])
+def test_of_what_fitted_runs_cannot_tell_what_held_out_runs_refuse_is_not_named(first, begun):
+    """Where w3 alone parts in the fitted run, lift-off@w3 was kept beside lift-off@all: 1388."""
+    rng = drawn_anew(f"sided {first} {begun}")
+    share, laws = rng.uniform(0.75, 0.9), {"bearing-coulomb": LAWS["bearing-coulomb"]}
+    laws = {"sided": Sided, **laws} if first == "sided" else {**laws, "sided": Sided}
+    model = balance([law("bearing-coulomb", rng.uniform(0.1, 0.3))], laws)
+    whole = model.residual
+
+    def residual(p, laws, split):
+        seen = [
+            Sided(x.strength * share) if isinstance(x, Sided) and split == "held-out" else x
+            for x in laws
+        ]
+        return whole(p, seen, split)
+
+    model.residual = residual
+    search, start = Search(model), Point(np.zeros(2))
+    if begun == "sided":
+        fit = refit(model, start.with_effects(Effect("sided", "shaft", {"strength": 0.2})))
+        signatures = search.scan(fit)[1]
+        fit = Review(search.refits, print).run(fit, signatures, refit(model, start)).fit
+    else:
+        fit = search.run().fit
+    assert [e.id for e in fit.point.effects] == ["bearing-coulomb"]
+
+
 def test_a_rival_that_leads_by_more_than_chance_takes_the_place():
     """By 17: more than equals differ by, less than an effect has to gain."""
     better, _ = challenged(Soft(jnp.asarray(0.007)), "bearing-coulomb", {"torque": 0.007})

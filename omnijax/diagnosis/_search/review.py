@@ -178,8 +178,11 @@ class Review:
                 if self._foretells(new, fit, i):
                     return new, []
                 continue
+            alike = abs(margin) < self.settings.equal_margin
             if margin < self.settings.near_margin:
                 margin += held
+            if alike and margin < -self.settings.equal_margin and self._foretells(new, fit, i):
+                return new, []  # the train runs tell both as well, and held-out runs refuse this
             if self._widens(rival, effects[i]):  # one that explains as much is no other explanation
                 if margin < self.settings.near_margin:
                     self.wider[effects[i].name].append(rival.name)

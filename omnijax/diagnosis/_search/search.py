@@ -350,12 +350,24 @@ class Search:
             self.tell(f"something is left (chi2 {left:.3f} a row): going on from {name} instead")
             first = SearchPath(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
-            less = (1 - self.settings.runner_up_lead) * total_cost(way.fit)
-            if total_cost(other.fit) < less:  # by train runs alone
+            if self.better(other.fit, way.fit):
                 way = other
         if len(accepted) > 1 and not start.noise_only:
             self.model.rebase(way.fit.point)
         return way
+
+    def better(self, other: Fit, fit: Fit) -> bool:
+        """Whether the end of another way is better than `fit`: by train runs alone.
+
+        But where they tell both as well (of contacts that may part only one does so there) by
+        what held-out runs confirm.
+        """
+        more = total_cost(other) - total_cost(fit)
+        if abs(more) < self.settings.equal_margin:
+            left, without = (chi2_of(self.model, x.point, "held-out") for x in (other, fit))
+            if abs(left - without) > self.settings.equal_margin:
+                return left < without
+        return more < -self.settings.runner_up_lead * total_cost(fit)
 
     def scan(self, fit: Fit) -> tuple[Scan, Signatures]:
         """Scores of all candidates at a fit, and their signatures."""
