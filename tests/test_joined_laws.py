@@ -75,9 +75,13 @@ def test_sizes_at_one_place_add(law):
     whole = both(*given, *state)
     for a, b, c in zip(*map(jax.tree.leaves, (*parts, whole)), strict=True):
         np.testing.assert_allclose(c, a + b, rtol=1e-12, atol=1e-300)
-    other = [k for k, known in law.parameters.items() if not known.linear]
-    if other:
+    other = {k for k, known in law.parameters.items() if not known.linear}
+    if other - {"phase"}:
         assert joined(first, drawn_law(rng, law)) is None
+    elif other:  # waves whose phases differ are one wave too
+        third = drawn_law(rng, law)
+        both, parts = joined(first, third), [one(*given) for one in (first, third)]
+        np.testing.assert_allclose(both(*given), sum(parts), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -86,8 +90,24 @@ def test_sizes_at_one_place_add(law):
 def test_laws_that_take_up_what_another_left_stay_two(law):
     rng = drawn_anew(f"two {law.id}")
     first = drawn_law(rng, law)
-    both = joined(first, drawn_law(rng, law, like=first))
-    assert (both is None) == (law.id not in ("motor-ripple", "cogging"))
+    second = drawn_law(rng, law, like=first)
+    both = joined(first, second)
+    gain = law.id in ("motor-gain", "sensor-gain")
+    assert (both is None) == (law.id not in ("motor-ripple", "cogging") and not gain)
+    if gain:
+        np.testing.assert_allclose(1 + both.g, (1 + first.g) * (1 + second.g), rtol=1e-12)
+
+
+@pytest.mark.parametrize("between", ["sensor-saturation", None])
+def test_gains_of_a_sensor_are_one_where_no_law_of_it_stands_between(between):
+    rng, rig = drawn_anew("gains in series"), machine()
+    first, second = (drawn_law(rng, EFFECTS["sensor-gain"]) for _ in range(2))
+    rig = rig.add(first, "dR")
+    if between:
+        rig = rig.add(EFFECTS[between](jnp.asarray(1e-4)), "dR_x")
+    rig = rig.add(second, "dR")
+    ids = [placed.law.id for placed in one_a_place(rig.effects)]
+    assert ids == (["sensor-gain", between, "sensor-gain"] if between else ["sensor-gain"])
 
 
 def test_lines_of_torque_are_one_cogging():

@@ -13,7 +13,8 @@ from test_plant import recorded
 from tiers import tiered
 
 from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._machine import to_run, with_roles
+from omnijax.diagnosis._answer import RigEvidence
+from omnijax.diagnosis._machine import Context, candidates, to_run, with_roles
 from omnijax.diagnosis._machine._candidates.candidates import untried
 from omnijax.diagnosis._machine._noise.data_vector import orthonormal
 from omnijax.diagnosis._machine._signatures import tangents
@@ -23,7 +24,7 @@ from omnijax.diagnosis._machine._where.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import TOLD, sums_of
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.model import Effect
-from omnijax.laws import EFFECTS, ContinuousSine, WheelRunout
+from omnijax.laws import EFFECTS, ContinuousSine, WheelRunout, one_a_place
 from omnijax.recording import read_case
 from omnijax.rig import Placed
 
@@ -578,3 +579,33 @@ def test_of_lines_that_fitted_runs_tell_as_well_the_first_is_what_held_out_runs_
     sets = sets_of_lines.line_sets(fitted, judging, law, grid, step, [], 1, 70.0)
     assert len(sets) > 1 and all(s.orders.shape == (1,) for s in sets)
     assert abs(sets[0].orders[0] - true) < 0.5 * resolution
+
+
+def test_of_a_law_that_the_rig_has_there_already_all_may_be_too_much(agreeing):
+    """A rig file's friction of 20 mN m where 14 was true had no candidate, and was `unknown`."""
+    rng, (model, point, *_) = drawn_anew("held"), agreeing
+    size, width = rng.uniform(0.01, 0.03), rng.uniform(0.02, 0.2)
+    law = EFFECTS["bearing-coulomb"](*map(jnp.asarray, (size, width)))
+    rig = model.rig.add(law, "w1")
+    held = RigModel(rig, model.machine.runs, model.noise, model.laws)
+    context = Context(rig, model.groups, np.ones(3), (), 100)
+    alike = [c for c in candidates(context, EFFECTS) if c.id == "bearing-coulomb"]
+    by_place = {c.place: c for c in alike}
+    few, more = -0.9 * size, -1.1 * size
+    assert by_place["w1"].allowed(np.array([few])) and by_place["w1"].within({"torque": few})
+    assert not by_place["w1"].allowed(np.array([more]))
+    assert not by_place["w2"].allowed(np.array([few]))
+    assert float(by_place["w1"].columns[0].law.width) == width
+    numbers = by_place["w1"].decode(np.array([few]))
+    for place, low in (("w1", -size), ("w2", 0.0)):
+        effect = Effect("bearing-coulomb", place, numbers)
+        free = {f.key: f for f in held.free(point.with_effects(effect))}
+        assert free["torque"].low == pytest.approx(low)
+        assert ("width" in free) == (place == "w2")
+    lesser = EFFECTS["bearing-coulomb"](**{k: jnp.asarray(v) for k, v in numbers.items()})
+    (one,) = one_a_place(rig.add(lesser, "w1").effects)
+    assert float(one.law.torque) == pytest.approx(0.1 * size)
+    evidence = RigEvidence(held, {}, [])
+    (said,) = evidence.beside_held(point.with_effects(Effect("bearing-coulomb", "w1", numbers)))
+    assert "holds bearing-coulomb@w1 already" in said and "together" in said
+    assert evidence.beside_held(point.with_effects(Effect("bearing-coulomb", "w2", numbers))) == []

@@ -215,7 +215,8 @@ def notes(
         "plainer law is named."
         for name, wider in (outcome.wider.items() if known else ())
     ]
-    said += lines_left_open(evidence, outcome) if known else []
+    if known:
+        said += [*evidence.beside_held(fit.point), *lines_left_open(evidence, outcome)]
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model since it "

@@ -99,6 +99,10 @@ class AbstractEvidence(abc.ABC):
     def text(self, described: Any) -> str:
         """The file of what `described` gave."""
 
+    def beside_held(self, point: Point) -> list[str]:
+        """Of which effects of a point the machine has the same law there already, in sentences."""
+        return []
+
     @abc.abstractmethod
     def remarks(self) -> list[str]:
         """How the prediction was made, in sentences."""

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ..._text import listed
+from ..._text import listed, quantity_text
 from ...dynamics import contact_signals
-from ...laws import ContactHertz, one_a_place
+from ...laws import AbstractLaw, ContactHertz, one_a_place
 from ...rig import rig_text
 from .._machine import (
     CLOCK,
     READ_LATE,
     RigModel,
     beside_mean,
+    held_law,
     locate,
     said_of_outliers,
     without_encoder,
@@ -165,6 +166,20 @@ class RigEvidence(AbstractEvidence):
     def text(self, described):
         return rig_text(described)
 
+    def beside_held(self, point):
+        described, out = self.described(point), []
+        for effect in point.effects:
+            held = held_law(self.model.rig, effect.id, effect.place)
+            if held is None:
+                continue
+            both = held_law(described, effect.id, effect.place)
+            together = f", {_told(both)} together, as in its diagnosed file" if both else ""
+            out.append(
+                f"The rig file holds {effect.name} already, with {_told(held)}: what is told of it "
+                f"comes beside that{together}."
+            )
+        return list(dict.fromkeys(out))
+
     def remarks(self):
         return [
             "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are "
@@ -269,3 +284,12 @@ def _lateness(late: float, sigma: float | None = None) -> str:
     """An offset, s, with its 1-sigma in words: "0.2 ± 0.003 ms late"."""
     beside = "" if sigma is None else f" ± {1e3 * sigma:.1g}"
     return f"{round(1e3 * abs(late), 5):.3g}{beside} ms {'late' if late > 0 else 'early'}"
+
+
+def _told(law: AbstractLaw) -> str:
+    """The numbers of a law that are one each."""
+    known = {k: p for k, p in law.parameters.items() if not p.shape}
+    values = {k: getattr(law, k) for k in known}
+    return ", ".join(
+        f"{k} {quantity_text(float(v), known[k].unit)}" for k, v in values.items() if v is not None
+    )

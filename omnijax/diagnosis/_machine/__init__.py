@@ -2,6 +2,7 @@
 
 from ._candidates import Context as Context
 from ._candidates import candidates as candidates
+from ._candidates import held_law as held_law
 from ._candidates import rig_priors as rig_priors
 from ._elastic import SIGNALS as SIGNALS
 from ._elastic import forced as forced

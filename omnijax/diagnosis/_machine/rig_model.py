@@ -14,6 +14,7 @@ from .._search import (
     STEPPED,
     AbstractModel,
     Candidate,
+    Effect,
     Free,
     Level,
     Point,
@@ -25,7 +26,15 @@ from .._search import (
 )
 from .._settings import SETTINGS
 from .._threads import each
-from ._candidates import Context, candidates, rig_priors, with_parameters, with_sensors
+from ._candidates import (
+    Context,
+    candidates,
+    held_law,
+    held_sizes,
+    rig_priors,
+    with_parameters,
+    with_sensors,
+)
 from ._elastic import LANES, elastic_number
 from ._noise import ELASTIC_CHANNELS, DataRows, RunWaves, TurningNoise, rotation_channels
 from ._preparation import by_parts, readmitted, said_of_outliers, split_runs, with_start_angles
@@ -124,12 +133,23 @@ class RigModel(AbstractModel):
         """Where a number's end would make its law another one, its range ends before.
 
         A relaxation faster than the steps in time cannot be told from a damper, nor a dry friction
-        that does not saturate within the speeds of the runs from a viscous one.
+        that does not saturate within the speeds of the runs from a viscous one.  A law that the
+        rig has at the same place may be too large there by all of its size, and has its width.
         """
-        return [dataclasses.replace(f, **self._ends(point, f)) for f in free_numbers(self, point)]
+        return [
+            dataclasses.replace(f, **self._ends(point, f)) for f in free_numbers(self, point)
+            if f.key != "width" or self._held(point.effects[f.effect]) is None
+        ]  # fmt: skip
+
+    def _held(self, effect: Effect) -> AbstractLaw | None:
+        """The same law that the rig has at the place of an effect already."""
+        return held_law(self.rig, effect.id, effect.place)
 
     def _ends(self, point: Point, free: Free) -> dict[str, float]:
-        """Ends of a number's range that the runs set."""
+        """Ends of a number's range that the runs set, or the rig."""
+        held = held_sizes(self._held(point.effects[free.effect]))
+        if free.key in held:
+            return {"low": free.low - held[free.key]}
         if free.key == "tau":
             return {"low": LEAST_LAG * max(run.step for run in self.machine.runs)}
         port = self.laws[point.effects[free.effect].id].port

@@ -37,6 +37,7 @@ class Candidate:
 
     `decode(coefficients)` gives the law's parameters from the columns' coefficients, `trials` is
     how many independent trials the candidate stands for: a line picked for its size, all lines.
+    `held` are the sizes of the same law that the machine has there already: it may be too large.
     """
 
     id: str
@@ -45,6 +46,7 @@ class Candidate:
     decode: Callable[[np.ndarray], dict[str, Any]]
     note: str = ""
     trials: int = 1
+    held: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -60,9 +62,16 @@ class Candidate:
         values = self.decode(coefficients)
         if len(coefficients) == 1:
             key = next(k for k, p in known.items() if p.linear)
-            sign = float(coefficients[0])
-            return known[key].low <= sign <= known[key].high
-        return all(known[k].low <= v <= known[k].high for k, v in values.items() if np.ndim(v) == 0)
+            values = {key: float(coefficients[0])}
+        return self.within(values)
+
+    def within(self, values: dict[str, Any]) -> bool:
+        """Whether numbers keep their law's bounds, what the machine has there already counted."""
+        known = self.columns[0].law.parameters
+        return all(
+            known[k].low <= v + self.held.get(k, 0.0) and v <= known[k].high
+            for k, v in values.items() if np.ndim(v) == 0
+        )  # fmt: skip
 
 
 def number(x) -> Any:

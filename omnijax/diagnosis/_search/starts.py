@@ -274,11 +274,7 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     unit = np.sqrt(chi2 / max(score.gain, 1e-300))  # the tangent's change: as the residual
     factors = [1.0, *(sign * x * unit for x in model.settings.strengths for sign in (1, -1))]
     effects = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
-    return [
-        e for e in effects
-        if all(law.parameters[k].low <= v <= law.parameters[k].high
-               for k, v in e.values.items() if np.ndim(v) == 0)
-    ]  # fmt: skip
+    return [e for e in effects if c.within(e.values)]
 
 
 def likelier(starts: Sequence[Start]) -> list[Start]:

@@ -5,3 +5,5 @@ from .uncertain import rig_priors as rig_priors
 from .uncertain import with_parameters as with_parameters
 from .uncertain import with_sensors as with_sensors
 from .unit_laws import Context as Context
+from .unit_laws import held_law as held_law
+from .unit_laws import held_sizes as held_sizes

@@ -6,7 +6,14 @@ import numpy as np
 
 from ....laws import AbstractLaw
 from ....rig import Placed, Rig, place_law
-from ..._search import Candidate, number, unit_laws, unknown_shapes, values_to_try
+from ..._search import (
+    Candidate,
+    number,
+    strengths,
+    unit_laws,
+    unknown_shapes,
+    values_to_try,
+)
 
 
 class Context:
@@ -24,6 +31,23 @@ class Context:
         self.samples, self.orders, self.tops = samples, orders or {}, tops or {}
         self.speed = speed
         self.torques = np.zeros(len(rig.names)) if torques is None else torques
+
+    def held(self, law: type[AbstractLaw], place: str) -> AbstractLaw | None:
+        """The same law that the rig has at a place already."""
+        return held_law(self.rig, law.id, place)
+
+
+def held_law(rig: Rig, id: str, place: str) -> AbstractLaw | None:
+    """The law of an id that a rig has at a place; None where it has none."""
+    return next((p.law for p in rig.effects if (p.law.id, p.place) == (id, place)), None)
+
+
+def held_sizes(law: AbstractLaw | None) -> dict[str, float]:
+    """The sizes of a law, those that are one number each."""
+    if law is None:
+        return {}
+    keys = [k for k in strengths(law) if not law.parameters[k].shape]
+    return {k: float(getattr(law, k)) for k in keys if getattr(law, k) is not None}
 
 
 def build(law: type[AbstractLaw], place: str, context: Context, **values) -> Placed:
@@ -49,9 +73,13 @@ def by_parameters(law, place, context) -> list[Candidate]:
 
 def of_units(law, place, context, fixed: dict, note: str = "", trials: int = 1) -> Candidate:
     """A law by its laws of unit strength at shape constants `fixed`."""
+    known = context.held(law, place)
+    width = None if known is None else getattr(known, "width", None)
+    if width is not None and "width" in law.parameters:  # so that both together are one law
+        fixed = {"width": float(width)} | fixed
     units, decode = unit_laws(law, fixed)
     columns = tuple(_placed(unit, place, context) for unit in units)
-    return Candidate(law.id, place, columns, decode, note, trials)
+    return Candidate(law.id, place, columns, decode, note, trials, held_sizes(known))
 
 
 def _said(value) -> str:
