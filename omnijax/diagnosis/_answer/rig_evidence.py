@@ -173,7 +173,7 @@ class RigEvidence(AbstractEvidence):
             if held is None:
                 continue
             both = held_law(described, effect.id, effect.place)
-            together = f", {_told(both)} together, as in its diagnosed file" if both else ""
+            together = f": {_told(both)} together, as in its diagnosed file" if both else ""
             out.append(
                 f"The rig file holds {effect.name} already, with {_told(held)}: what is told of it "
                 f"comes beside that{together}."
