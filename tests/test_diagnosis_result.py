@@ -5,15 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 from omnijax import InputError
-from omnijax.diagnosis import Diagnosis, Named, OutputGap
+from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point
 from omnijax.diagnosis._answer.answer import (
     _sigma,
     answering,
     baseline_table,
     score_table,
     together,
+    with_unit_directions,
 )
 from omnijax.diagnosis._answer.named_effect import alternatives
 from omnijax.laws import EFFECTS
@@ -157,6 +159,28 @@ def test_a_direction_is_as_sure_as_what_turns_it():
     assert np.linalg.norm(sigma) == pytest.approx(np.hypot(0.02, 0.03), rel=1e-6)
     offset = EFFECTS["unbalance"].parameters["offset"]  # a length, not a direction
     np.testing.assert_allclose(_sigma(offset, unit, covariance), np.sqrt(np.diag(covariance)))
+
+
+@pytest.mark.parametrize(("id", "key"), [("sphere-out-of-round", "axis"),
+                                         ("floor-vibration", "direction")])  # fmt: skip
+def test_directions_are_told_with_length_one(id, key):
+    """A fit leaves the length free: a sphere's axis was told as (-2.436, 0, -3.253)."""
+    rng = drawn_anew(f"length of {id}")
+    law, axis = EFFECTS[id], rng.normal(size=3)
+    place = {"sphere-out-of-round": "sphere"}.get(id, "platform")
+    length = rng.uniform(0.01, 90)
+    values = {k: 1e-5 if p.linear else 3.0 for k, p in law.parameters.items()} | {
+        key: length * axis
+    }
+    point = Point(np.zeros(0), (Effect(id, place, values),))
+    (effect,) = with_unit_directions(EFFECTS, point).effects
+    np.testing.assert_allclose(effect.values.pop(key), axis / np.linalg.norm(axis))
+    values.pop(key)
+    assert effect.values == values
+    offset = {"offset": np.array([3e-6, 0.0, 1e-6])}  # a length, not a direction
+    point = Point(np.zeros(0), (Effect("unbalance", "sphere", offset),))
+    (effect,) = with_unit_directions(EFFECTS, point).effects
+    np.testing.assert_array_equal(effect.values["offset"], offset["offset"])
 
 
 def test_scores_name_what_the_step_has_taken_up_already():

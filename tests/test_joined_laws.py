@@ -149,8 +149,11 @@ def test_an_answer_is_written_where_no_rig_file_can_say_it(tmp_path, monkeypatch
     written = []
     page = SimpleNamespace(write=written.append)
     monkeypatch.setattr("omnijax.report.diagnosis_page", lambda diagnosis, command: page)
-    answer = SimpleNamespace(rig=rig, save=written.append)
+    answer = SimpleNamespace(rig=rig, save=written.append, notes=[])
+    (tmp_path / "rig-diagnosed.toml").write_text("of an earlier answer")
     said = _write(answer, tmp_path)
     assert said.startswith("but no rig-diagnosed.toml: `effect.bearing-coulomb.w1` stands twice")
     assert written == [tmp_path / "diagnosis.json", tmp_path]
     assert not (tmp_path / "rig-diagnosed.toml").exists()
+    (note,) = answer.notes
+    assert note.startswith("There is no rig-diagnosed.toml: `effect.bearing-coulomb.w1`")

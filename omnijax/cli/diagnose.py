@@ -130,18 +130,21 @@ def _write(diagnosis: Any, folder: Path) -> str:
     from ..report import diagnosis_page
     from ..rig import Rig, save_laws, save_rig
 
-    diagnosis.save(folder / "diagnosis.json")
-    diagnosis_page(diagnosis, command_line()).write(folder)
     made = "rig-diagnosed.toml" if isinstance(diagnosis.rig, Rig) else "machine-diagnosed.toml"
+    refused = ""
     try:
         if isinstance(diagnosis.rig, Rig):
             save_rig(diagnosis.rig, folder / made)
         else:
             save_laws((one.law for one in diagnosis.rig.placed), folder, "machine")
             write_text(folder / made, diagnosis.details["evidence"].text(diagnosis.rig))
-    except InputError as refused:
-        return f"but no {made}: {refused}"
-    return made
+    except InputError as why:
+        refused = f"no {made}: {why}"
+        (folder / made).unlink(missing_ok=True)  # an earlier answer's
+        diagnosis.notes.append(f"There is {refused}")
+    diagnosis.save(folder / "diagnosis.json")
+    diagnosis_page(diagnosis, command_line()).write(folder)
+    return f"but {refused}" if refused else made
 
 
 def _print(diagnosis: Any) -> None:

@@ -27,6 +27,7 @@ from ._answer import (
     shown_by_fitted_runs_alone,
     shown_noise,
     stretches,
+    with_unit_directions,
 )
 from ._search import (
     Explored,
@@ -295,11 +296,14 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,
-        excluded=_excluded(limits, outcome, effects, unexplained),
+        excluded=[
+            x | {"unit": evidence.unit(x["unit"], x["place"], x["parameter"])}
+            for x in _excluded(limits, outcome, effects, unexplained)
+        ],
         learned=None if learned is None else learned.table(),
         notes=[reason, *beside, *further],
         faults=evidence.faults,
-        rig=evidence.described(answer.point),
+        rig=evidence.described(with_unit_directions(model.laws, answer.point)),
     )
     result.details = {"model": model, "found": outcome, "judged": judged, "before": before,
                       "after": after, "where": everything, "learned": learned,

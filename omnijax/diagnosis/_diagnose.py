@@ -108,15 +108,12 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     noise = assumed_noise(case)
     levels = run_levels(noise, case.rig.size)
     runs = [dataclasses.replace(run, levels=levels) for run in runs]
+    faults = [*(str(f) for f in case.all_faults), *silent, *said]
+    for fault in faults:  # all rests on what is left, and the work may be long
+        tell(f"data: {fault}")
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case, runs, by_group(noise), library, window, tell)
-    faults = [
-        *(str(f) for f in case.all_faults),
-        *silent,
-        *said,
-        *wild,
-        *said_of_compared(model.machine),
-    ]
+    faults = [*faults, *wild, *said_of_compared(model.machine)]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
     by_channel = mended(evidence, start, noise)
     if by_channel is not None:

@@ -9,6 +9,7 @@ from .answer import notes as notes
 from .answer import plain_where as plain_where
 from .answer import score_table as score_table
 from .answer import separating as separating
+from .answer import with_unit_directions as with_unit_directions
 from .evidence import AbstractEvidence as AbstractEvidence
 from .evidence import Unlisted as Unlisted
 from .fitted_runs import shown_by_fitted_runs_alone as shown_by_fitted_runs_alone

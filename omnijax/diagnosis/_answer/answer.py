@@ -1,13 +1,13 @@
 """What is said of a search: named effects with sizes, calibrated parameters, scores and notes."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..._text import listed, quantity_text
-from ...laws import Parameter
+from ...laws import AbstractLaw, Parameter
 from .._search import AbstractModel, Effect, Fit, Point, Prior, SearchResult, predicted
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
@@ -60,11 +60,29 @@ def _closed(gain: float, gap: float) -> float:
 
 def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[float]:
     """1-sigma of a parameter's numbers; of a direction across it, for its length says nothing."""
-    if parameter.shape == 3 and parameter.unit == "1" and len(covariance) == 3:
+    if _is_direction(parameter) and len(covariance) == 3:
         size = float(np.linalg.norm(value))
         across = (np.eye(3) - np.outer(value, value) / size**2) / size
         covariance = across @ covariance @ across.T
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
+
+
+def _is_direction(parameter: Parameter) -> bool:
+    """Whether a parameter is a direction, of which laws take the unit vector."""
+    return parameter.shape == 3 and parameter.unit == "1"
+
+
+def with_unit_directions(laws: Mapping[str, type[AbstractLaw]], point: Point) -> Point:
+    """The point with its effects' directions of length 1: a fit leaves it free."""
+    effects = []
+    for effect in point.effects:
+        known = laws[effect.id].parameters
+        values = {
+            k: v / np.linalg.norm(v) if _is_direction(known[k]) else v
+            for k, v in effect.values.items()
+        }
+        effects.append(dataclasses.replace(effect, values=values))
+    return point.with_effects(*effects)
 
 
 def _others(everyone: list[Effect], effect: Effect, outcome: SearchResult) -> list[dict[str, str]]:
@@ -126,7 +144,8 @@ def _cogging(lines: list[Named]) -> Named:
 
 def _parameters(evidence: AbstractEvidence, effect: Effect, spread: dict) -> dict:
     law, out = evidence.model.laws[effect.id], {}
-    for key, value in effect.values.items():
+    (told,) = with_unit_directions(evidence.model.laws, Point(np.zeros(0), (effect,))).effects
+    for key, value in told.values.items():
         own = spread.get(key)
         vector = np.ndim(value) > 0
         out[key] = {

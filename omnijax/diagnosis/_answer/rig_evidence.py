@@ -167,12 +167,12 @@ class RigEvidence(AbstractEvidence):
         return rig_text(described)
 
     def beside_held(self, point):
-        described, out = self.described(point), []
-        for effect in point.effects:
-            held = held_law(self.model.rig, effect.id, effect.place)
+        known = [(e, held_law(self.model.rig, e.id, e.place)) for e in point.effects]
+        out = []
+        for effect, held in known:
             if held is None:
                 continue
-            both = held_law(described, effect.id, effect.place)
+            both = held_law(self.described(point), effect.id, effect.place)
             together = f": {_told(both)} together, as in its diagnosed file" if both else ""
             out.append(
                 f"The rig file holds {effect.name} already, with {_told(held)}: what is told of it "
