@@ -43,7 +43,14 @@ def fit(u, sigma=0.01, effects=()) -> Any:
 
 def outcome(priors, first, last) -> Any:
     return SimpleNamespace(
-        priors=priors, baseline=first, fit=last, wider={}, left_open={}, refused=[], scans=[], rivals={}
+        priors=priors,
+        baseline=first,
+        fit=last,
+        wider={},
+        left_open={},
+        refused=[],
+        scans=[],
+        rivals={},
     )
 
 
