@@ -147,11 +147,11 @@ class RigModel(AbstractModel):
 
     def _ends(self, point: Point, free: Free) -> dict[str, float]:
         """Ends of a number's range that the runs set, or the rig."""
+        if free.key == "tau":
+            return {"low": LEAST_LAG * max(run.step for run in self.machine.runs)}
         held = held_sizes(self._held(point.effects[free.effect]))
         if free.key in held:
             return {"low": free.low - held[free.key]}
-        if free.key == "tau":
-            return {"low": LEAST_LAG * max(run.step for run in self.machine.runs)}
         port = self.laws[point.effects[free.effect].id].port
         if free.key != "width" or port not in self._widest:
             return {}
